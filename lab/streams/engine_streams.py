@@ -37,6 +37,7 @@ from recognition.stream.recognise import QUIET_S, RATE_Hz, Recognised, channels_
 from recognition.stream.stones import UNKNOWN_ALL, Known, ratio_of
 
 RATIOS = (0.15, 0.25, 0.35, 0.45, 0.6, 0.75)  # by mass
+TAPS = 12  # small stones need more of them than four
 TOLD = {"frequency_sd": 1e-3, "damping_sd": 0.1, "shape_sd": 0.03}
 NOISE_dB, FIRST_SEED, KNOWN_STONES, PART = 20.0, 400, 15, 4
 SILENT, REACH = 10.0, 5.0  # points: an answer that reaches this far is one, and wrong if it is off by more
@@ -132,7 +133,7 @@ def plate_of(kind: str, out: Path) -> PlateModel:
         return PlateModel.from_scene(SCENES / "caving.toml", HIGHEST_Hz, **TOLD)
     with alone(out / "engine_plate.lock"):
         return learnt_by_taps(PlateModel.from_scene(SCENES / "listening.toml", TRUE_Hz), out / "engine_plate.json",
-                              np.random.default_rng(42))
+                              np.random.default_rng(42), TAPS)
 
 
 @cache

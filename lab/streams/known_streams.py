@@ -74,10 +74,10 @@ def tapped(kind: str, out: Path) -> PlateModel:
     return learnt_by_taps(true_plate(kind), out / f"plate_{kind.replace(' ', '_')}.json", np.random.default_rng([200, 1]))
 
 
-def learnt_by_taps(true: PlateModel, file: Path, rng: np.random.Generator) -> PlateModel:
-    """What four taps with 20 dB of noise teach of a plate, unless a file has it."""
+def learnt_by_taps(true: PlateModel, file: Path, rng: np.random.Generator, count: int = 4) -> PlateModel:
+    """What taps with 20 dB of noise teach of a plate, unless a file has it."""
     if not file.is_file():
-        taps = hammer_taps(true, rng.uniform(-0.22, 0.22, (4, 2)), rng, rate_Hz=2 * RATE_Hz,
+        taps = hammer_taps(true, rng.uniform(-0.22, 0.22, (count, 2)), rng, rate_Hz=2 * RATE_Hz,
                            place_error_m=1.5e-3)
         found = learnt(fit_plate(PlateModel.from_scene(SCENE, HIGHEST_Hz), taps))
         refuse_unexplained(found)
