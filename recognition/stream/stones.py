@@ -34,8 +34,7 @@ class Known:
 
 
 UNKNOWN_ALL = Known()
-NONE_KNOWN = "WARNING: no stone is known (--coal-first, --known); the ratio may be 10 points off, outside its interval"
-
+NONE_KNOWN = "WARNING: no stone is known (--coal-first, --known); the ratio may be far off, outside its interval"
 BEYOND = 1.1  # the radii of a law's histories: how a form changes with size is not told farther out
 
 
@@ -44,8 +43,8 @@ def cautions(known: Known, prior: StonePrior) -> tuple[str, ...]:
     (small, large), (least, most) = prior.radius_m, prior.forces.radius_m
     sizes = (f"WARNING: --radius {small:g} {large:g} goes beyond the stones of the law, {least:.3g} to {most:.3g} m; "
              "the ratio may be off, outside its interval (a law of such stones: learn-forces)")
-    return (*((NONE_KNOWN,) if known == UNKNOWN_ALL else ()),
-            *((sizes,) if small * BEYOND < least or large > most * BEYOND else ()))
+    beyond = small * BEYOND < least or large > most * BEYOND
+    return tuple(text for text, holds in ((NONE_KNOWN, known == UNKNOWN_ALL), (sizes, beyond)) if holds)
 
 
 def learnt_table(heard: Sequence[Heard], hearing: StonePrior, prior: StonePrior, known: Known, rate_Hz: float,

@@ -89,7 +89,8 @@ def test_reversed_functions_are_their_images(name):
     assert values(functions, -points)[:, image] * sign == pytest.approx(values(functions, points), abs=1e-14)
 
 
-@pytest.mark.parametrize("space", [deflections, bicubics, lambda *lines: rotations(*lines)[1]])
+@pytest.mark.parametrize("space", [deflections, bicubics, lambda *lines: rotations(*lines)[1]],
+                         ids=["deflections", "bicubics", "rotation along y"])
 def test_products_hold_a_bicubic_and_its_integrals(space):
     """w = x^3 y^2 on a rectangle 2a x 2b: w_x^2 has the integral 36 a^5 b^5 / 25, w_xx w_yy 16 a^5 b^3 / 5."""
     functions = space(LINES_M, LINES_M[1:-1])
