@@ -256,11 +256,10 @@ class RecordedMotion:
         of_modes = {f"modes_{one.name}": getattr(self.modes, one.name) for one in fields(PlateModes)
                     if one.name not in LEFT_OUT}
         kept: dict[str, Any] = {"t_s": self.t_s, "amplitude": self.amplitude, "rate": self.rate, "force": self.force}
-        kept = {name: np.asarray(value, _smaller(value)) for name, value in {**kept, **of_modes}.items()}
         with written_whole(file) as beside, ZipFile(beside, "w", ZIP_DEFLATED, compresslevel=1) as packed:
-            for name, value in kept.items():
+            for name, value in {**kept, **of_modes}.items():
                 with packed.open(f"{name}.npy", "w", force_zip64=True) as stream:
-                    np.lib.format.write_array(stream, value)
+                    np.lib.format.write_array(stream, np.asarray(_packed(value)))
 
     @classmethod
     def read(cls, directory: str | Path) -> RecordedMotion:
@@ -268,7 +267,7 @@ class RecordedMotion:
         file = Path(directory) / FILE
         try:
             with np.load(file, allow_pickle=False) as kept:
-                values = {name: kept[name] for name in kept.files}
+                values = {name: _unpacked(kept[name]) for name in kept.files}
             of_modes: dict[str, Any] = {name.removeprefix("modes_"): values.pop(name)[()] for name in tuple(values)
                                         if name.startswith("modes_")}
             return cls(PlateModes(surface_stress=np.empty(0), **of_modes), **values)
@@ -290,6 +289,12 @@ class RecordedMotion:
         return dict(zip(KINDS, (amplitude @ shape, rate @ shape, acceleration @ shape), strict=True))
 
 
-def _smaller(value: Any) -> Any:
-    """Single precision for all numbers but the lines of the mesh."""
-    return np.float32 if isinstance(value, np.ndarray) and value.ndim > 1 else None
+def _packed(value: Any) -> Any:
+    """Modes first, each of which is smooth, and in single precision; lines of the mesh and numbers as they are."""
+    if not isinstance(value, np.ndarray) or value.ndim < 2:
+        return value
+    return np.ascontiguousarray(np.moveaxis(value, -1, 0), np.float32)
+
+
+def _unpacked(value: np.ndarray) -> np.ndarray:
+    return np.moveaxis(value, 0, -1) if value.ndim > 1 else value
