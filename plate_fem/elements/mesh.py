@@ -341,6 +341,6 @@ def _graded(fixed: np.ndarray, largest: float, fine: list[tuple[float, float, fl
         x = np.linspace(a, b, 65)
         density = np.array([1 / size(v) for v in x])
         count = np.append(0, np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(x)))  # cells up to x
-        n = max(1, math.ceil(count[-1] - 1e-9))
+        n = min(max(1, math.ceil(count[-1] - 1e-9)), MOST_LINES)  # so many are refused, however many there would be
         lines.extend(np.interp(np.arange(1, n + 1) / n * count[-1], count, x))
     return np.array(lines)
