@@ -1,7 +1,7 @@
 """Streams that the engine simulates as a whole, where stones meet in the air, land on pieces and touch more than once, and
 what `listen` makes of them, with 20 dB of noise. The ratio is that of the stones that touched the plate.
 
-Known stones are those of two more streams of the same kind, of coal alone and of gangue alone.
+Known stones are of the sizes, shapes and speeds of each stream, and fall one by one: coal in a run of its own, and gangue.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from recognition.stream.stones import UNKNOWN_ALL, Known, ratio_of
 RATIOS = (0.15, 0.25, 0.35, 0.45, 0.6, 0.75)  # by mass
 TAPS = 12  # small stones need more of them than four
 TOLD = {"frequency_sd": 1e-3, "damping_sd": 0.1, "shape_sd": 0.03}
-NOISE_dB, FIRST_SEED, KNOWN_STONES, PART = 20.0, 400, 15, 4
+NOISE_dB, FIRST_SEED, KNOWN_STONES, KNOWN_1_s, PART = 20.0, 500, 15, 10.0, 4
 SILENT, REACH = 10.0, 5.0  # points: an answer that reaches this far is one, and wrong if it is off by more
 BY_STREAM = ("place_m", "arrival_s", "speed_factor", "radius_factor")  # what a stream draws itself
 SCATTER = {key: value for key, value in scene_tables(SCENES / "natural.toml")["scatter"].items() if key not in BY_STREAM}
@@ -48,8 +48,8 @@ SHAPES = {name: scene_tables(SCENES / "caving.toml")["shapes"][name] for name in
 
 @dataclass(frozen=True)
 class Kind:
-    """Streams of a scene with what is changed in it, as many as `streams`, or one in PART of those of a family of
-    scenes/streams.toml; the limits that are told of their stones."""
+    """Streams of a scene with what is changed in it, as many as `streams`, or the last of a family of
+    scenes/streams.toml, one in PART; the limits that are told of their stones."""
 
     streams: int = 0
     changes: dict[str, Any] = field(default_factory=dict)
@@ -84,19 +84,20 @@ def scenes_of(kind: str) -> list[Scene]:
     of = KINDS[kind]
     if of.family:
         planned = [run.scene for run in plan_dataset(SCENES / "streams.toml") if run.directory.parts[0] == of.family]
-        return planned[:len(planned) // PART]
+        return planned[-len(planned) // PART:]
     return [changed_scene(SCENES / of.scene, {"stones.gangue_ratio": ratio, "stones.seed": FIRST_SEED + number} | of.changes)
             for number, ratio in enumerate(RATIOS[:of.streams])]
 
 
-def known_scene(kind: str, gangue: int) -> Scene:
-    """The first stream of a kind with KNOWN_STONES of one material."""
-    scene = scenes_of(kind)[0]
+def known_scene(kind: str, number: int, gangue: int) -> Scene:
+    """A stream with KNOWN_STONES of one material, which fall one by one."""
+    scene = scenes_of(kind)[number]
     drawn = scene.stones.drawn
-    assert drawn is not None and drawn.rate_1_s is not None
-    until_s = SILENCE_S + KNOWN_STONES / drawn.rate_1_s
-    drawn = type(drawn).model_validate(drawn.model_dump(exclude_none=True) | {"arrival_s": [SILENCE_S, until_s]})
-    stones = scene.stones.model_copy(update={"drawn": drawn, "gangue_ratio": float(gangue), "seed": FIRST_SEED - 1 - gangue})
+    assert drawn is not None
+    until_s = SILENCE_S + KNOWN_STONES / KNOWN_1_s
+    told = drawn.model_dump(exclude_none=True) | {"arrival_s": [SILENCE_S, until_s], "rate_1_s": KNOWN_1_s}
+    stones = scene.stones.model_copy(update={"drawn": type(drawn).model_validate(told), "gangue_ratio": float(gangue),
+                                             "seed": scene.stones.seed + 1 + gangue})
     return scene.model_copy(update={"stones": stones, "time": scene.time.model_copy(update={"duration_s": until_s + 0.05})})
 
 
@@ -137,10 +138,10 @@ def plate_of(kind: str, out: Path) -> PlateModel:
 
 
 @cache
-def known_of(kind: str, out: Path) -> tuple[tuple[list[Heard], int], ...]:
+def known_of(kind: str, number: int, out: Path) -> tuple[tuple[list[Heard], int], ...]:
     found = []
     for gangue in (0, 1):
-        directory = simulated(known_scene(kind, gangue), f"{kind}_known_{gangue}", out)
+        directory = simulated(known_scene(kind, number, gangue), f"{kind}_{number}_known_{gangue}", out)
         channels, values = record_of(kind, directory, out)
         found.append((hear(plate_of(kind, out), channels, prior_of(kind), values, QUIET_S).heard, gangue))
     return tuple(found)
@@ -150,11 +151,12 @@ def prior_of(kind: str) -> StonePrior:
     return StonePrior(load_forces(), KINDS[kind].radius_m, KINDS[kind].speed_m_s)
 
 
-def recognised(kind: str, directory: Path, known: bool, out: Path) -> Recognised:
-    """What `listen` finds in the record of a run. Raises RecognitionError."""
+def recognised(kind: str, number: int, known: bool, out: Path) -> Recognised:
+    """What `listen` finds in the record of a stream. Raises RecognitionError."""
+    directory = simulated(scenes_of(kind)[number], f"{kind}_{number}", out)
     channels, values = record_of(kind, directory, out)
     return recognise_stream(plate_of(kind, out), channels, prior_of(kind), values,
-                            known=Known(dropped=known_of(kind, out)) if known else UNKNOWN_ALL)
+                            known=Known(dropped=known_of(kind, number, out)) if known else UNKNOWN_ALL)
 
 
 def heard(kind: str, number: int, known: bool, out: Path) -> dict[str, object]:
@@ -163,7 +165,7 @@ def heard(kind: str, number: int, known: bool, out: Path) -> dict[str, object]:
     touched = stones[stones["first_contact_s"].notna()]
     row: dict[str, object] = {"right": 100 * float((touched["kind"] == "gangue").mean()), "stones": len(touched)}
     try:
-        found = recognised(kind, directory, known, out)
+        found = recognised(kind, number, known, out)
     except RecognitionError as error:
         return row | {"refused": str(error)}
     low, said, high = (100 * v for v in ratio_of(found.stones))

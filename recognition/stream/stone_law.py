@@ -9,8 +9,8 @@ and stiffnesses. Centres, what is between them, and the scatter of the stones va
     density       s ~ rho^(2/5), J ~ rho
 
 How far they vary is unknown, and so are the shares of gangue, of stones of either material that break, which have
-another form, of stones that bounced, and of what is no stone: a second touch, a fragment, a knock. The simulated law of
-forces is the prior of all that. A known stone is of its material with a probability of KNOWN. Known stones that were
+another form, of stones that bounced, and of what is no stone: a second touch, a fragment, a knock; and by how much the
+errors are larger than the fit says. The simulated law of forces is the prior of all that. A known stone is of its material with a probability of KNOWN. Known stones that were
 dropped may have had another speed and size than those of the record.
 
 Where the record fits several laws, the draws hold all of them.
@@ -34,7 +34,7 @@ DIRECTIONS = np.array([[1.0, -0.75, 3.0], [-0.2, 0.0, 1.0], [-0.85, 0.0, 1.0], [
 #: what tells gangue from coal about the law; of b, of both and between them.
 CENTRE_SD, CENTRE_FORM_SD = np.array([0.1, 0.1, 0.12, 0.05, 0.05]), 0.3
 APART_SD, APART_FORM_SD = np.array([0.08, 0.12, 0.05, 0.03, 0.1]), 0.2
-DROPPED_SD = np.array([0.05, 0.12])  # of known stones' size and speed, by those of the record
+DROPPED_SD = np.array([0.05, 0.1])  # of known stones' size and speed, by those of the record
 #: Median, standard deviation of the logarithm, and largest logarithm, of the scatter along size, speed, restitution and
 #: stiffness.
 SCATTER, SCATTER_SD, WIDEST = np.array([0.05, 0.05, 0.03, 0.03]), 1.0, 1.0
@@ -42,13 +42,16 @@ BREAKS_SD, OTHER, OTHER_SD = 1.5, -3.5, 1.0  # of logits
 HARDER_SD = 0.75  # of the logit of coal that breaks less that of gangue: of a weaker seam both break more
 LUMPS, LUMP_SD = 0.03, 0.8  # share, and deviation of the logarithm of size
 #: Stones that come down slower, since they bounced or struck another in the air: mean and deviation of the logarithm of
-#: speed, that of restitutions from 0.5 to 0.9; logit of their share.
-SLOWER, SLOWER_SD, SLOWED, SLOWED_SD = -0.4, 0.17, -3.5, 1.25
+#: speed, that of restitutions from 0.5 to 0.9; of the logit of their share, 0 to 40 % in streams of 10 to 400 a second.
+SLOWER, SLOWER_SD, SLOWED, SLOWED_SD = -0.4, 0.2, -2.2, 1.25
+#: Of how many times larger the errors are than told, the logarithm: the plate is not quite its model, most at high
+#: frequencies, from which the durations and forms of small stones follow.
+LARGER, LARGER_SD = 0.3, 0.4
 OTHER_DENSITY = 1 / (3.0 * 12.0 * 6.0)  # of what is no such stone: log s, b and log J are anything
 KNOWN = 0.95
 LEAST_APART = 0.15, 0.15  # of log J and log J - 3 log s: gangue of one size and speed pushes harder than coal
 CENTRE, APART, SCATTERS, GANGUE, BROKEN = slice(0, 3), slice(3, 6), slice(6, 10), 10, slice(11, 13)
-OTHERS, SLOW, DROPPED, NUMBERS = 13, 14, slice(15, 17), 17
+OTHERS, SLOW, ERRORS, DROPPED, NUMBERS = 13, 14, 15, slice(16, 18), 18
 TAUGHT, STARTS, DRAWN = 200, 21, 48  # stones by which the law is learnt, so many known and unknown at most; laws
 AT_ONCE = 16_000  # laws times stones, which stay in the processor's cache
 LEAST_ERROR = 1e-3  # of logarithms
@@ -145,6 +148,7 @@ class Beliefs:
         z[:, BROKEN] += self.breaks
         z[:, OTHERS] += OTHER
         z[:, SLOW] = SLOWED + SLOWED_SD * z[:, SLOW]
+        z[:, ERRORS] = LARGER + LARGER_SD * z[:, ERRORS]
         z[:, DROPPED] *= DROPPED_SD
         return z
 
@@ -156,7 +160,7 @@ class Beliefs:
                         + np.sum(((z[:, SCATTERS] - self.scatter) / SCATTER_SD) ** 2, axis=1)
                         + np.einsum("ki,ij,kj->k", breaks, _BREAKS, breaks)
                         + ((z[:, OTHERS] - OTHER) / OTHER_SD) ** 2 + ((z[:, SLOW] - SLOWED) / SLOWED_SD) ** 2
-                        + np.sum((z[:, DROPPED] / DROPPED_SD) ** 2, axis=1))
+                        + ((z[:, ERRORS] - LARGER) / LARGER_SD) ** 2 + np.sum((z[:, DROPPED] / DROPPED_SD) ** 2, axis=1))
         s, _, j = z[:, APART].T
         too_light = np.minimum(np.minimum(j - LEAST_APART[0], j - 3 * s - LEAST_APART[1]), 0)
         return np.asarray(total - np.logaddexp(0, z[:, GANGUE]) - np.logaddexp(0, -z[:, GANGUE]) - 1e3 * too_light**2)
@@ -165,7 +169,7 @@ class Beliefs:
     def curvature(self) -> Floats:
         """(NUMBERS, NUMBERS): about that of minus the log prior."""
         out = np.diag(np.r_[np.zeros(6), np.full(4, SCATTER_SD**-2), 0.25, np.zeros(2), OTHER_SD**-2, SLOWED_SD**-2,
-                            DROPPED_SD**-2])
+                            LARGER_SD**-2, DROPPED_SD**-2])
         out[CENTRE, CENTRE], out[APART, APART] = self.precisions
         out[BROKEN, BROKEN] = _BREAKS
         return out
@@ -184,7 +188,7 @@ class Beliefs:
 
     def _log_classes(self, z: Floats, told: Told) -> Floats:
         spread = np.einsum("kd,di,dj->kij", np.exp(2 * z[:, SCATTERS].clip(max=WIDEST)), DIRECTIONS[:4], DIRECTIONS[:4])
-        error = np.moveaxis(told.error, 0, -1)[:, :, None]
+        error = np.moveaxis(told.error, 0, -1)[:, :, None] * np.exp(2 * z[:, ERRORS, None])
         lumps, slower = (sd**2 * np.outer(d, d) for sd, d in ((LUMP_SD, DIRECTIONS[0]), (SLOWER_SD, DIRECTIONS[1])))
         whole, broken, lump, slowed = (
             _root(np.moveaxis(spread + law, 0, -1)[..., None] + error)
@@ -243,7 +247,8 @@ class LearntLaw:
         z, b, rng = self.laws[number], self.beliefs, np.random.default_rng([2, number, material])
         breaks = rng.random(count) < 1 / (1 + np.exp(-z[BROKEN][material]))
         error = told.error[rng.integers(len(told.error), size=count)]
-        scatter = np.where(breaks[:, None, None], b.broken, b.whole) + _along(np.r_[np.exp(2 * z[SCATTERS]), 0]) + error
+        scatter = np.where(breaks[:, None, None], b.broken, b.whole) + _along(np.r_[np.exp(2 * z[SCATTERS]), 0])
+        scatter = scatter + np.exp(2 * z[ERRORS]) * error
         off = np.einsum("nij,nj->ni", np.linalg.cholesky(scatter), rng.standard_normal((count, 3)))
         centre = z[CENTRE] + material * z[APART] + breaks[:, None] * b.shift[material]
         return Told(centre + off, error, np.full(count, UNKNOWN), np.zeros(count, dtype=bool))

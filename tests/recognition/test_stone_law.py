@@ -24,6 +24,7 @@ from recognition.stream.stone_law import (
     CENTRE,
     DIRECTIONS,
     DROPPED,
+    ERRORS,
     GANGUE,
     MASS,
     OTHERS,
@@ -78,14 +79,14 @@ def test_density_of_a_stone_is_that_of_its_classes(prior):
     found = beliefs.log_classes(z, told)
     for k, law in enumerate(z):
         spread = sum(np.exp(2 * s) * np.outer(d, d) for s, d in zip(law[SCATTERS], DIRECTIONS, strict=False))
-        lump, slowed = (sd**2 * np.outer(d, d) for sd, d in ((0.8, DIRECTIONS[0]), (0.17, DIRECTIONS[1])))
+        lump, slowed = (sd**2 * np.outer(d, d) for sd, d in ((0.8, DIRECTIONS[0]), (0.2, DIRECTIONS[1])))
         slow = 1 / (1 + np.exp(-law[SLOW]))
         stones, p = 1 / (1 + np.exp(law[OTHERS])), 1 / (1 + np.exp(-law[GANGUE]))
         for i in range(3):
             for m in (0, 1):
                 centre = law[CENTRE] + m * law[APART] + (law[DROPPED] @ DIRECTIONS[:2] if told.dropped[i] else 0)
-                breaks = 1 / (1 + np.exp(-law[BROKEN][m]))
-                naive = sum(share * multivariate_normal(mean, shape + told.error[i]).pdf(x[i]) for share, mean, shape in (
+                breaks, error = 1 / (1 + np.exp(-law[BROKEN][m])), np.exp(2 * law[ERRORS]) * told.error[i]
+                naive = sum(share * multivariate_normal(mean, shape + error).pdf(x[i]) for share, mean, shape in (
                     (0.97 * (1 - slow) * (1 - breaks), centre, spread + beliefs.whole),
                     (0.97 * (1 - slow) * breaks, centre + beliefs.shift[m], spread + beliefs.broken),
                     (0.97 * slow, centre - 0.4 * DIRECTIONS[1], spread + beliefs.whole + slowed),
@@ -140,6 +141,17 @@ def test_stones_that_scatter_less_than_others_are_told_apart(prior):
     told = replace(told_of(x), error=np.tile(COVARIANCE / 4, (60, 1, 1)))
     p = LearntLaw.of(told, prior).probabilities(told, 0.0)[0].mean(axis=1)
     assert np.where(gangue, 1 - p, p).mean() < 0.03
+
+
+def test_errors_that_are_larger_than_told_make_no_broken_stones(prior):
+    """Of small stones, duration and form have errors that go together, here three times as large as they are told."""
+    rng, gangue = np.random.default_rng(14), np.arange(60) % 4 > 0
+    known = np.r_[np.full(60, UNKNOWN), np.arange(20) % 2]
+    x, along = fallen(np.r_[gangue, known[60:] == 1], rng, scatter=0.03), np.array([0.02, 1.0, 0.0])
+    error = COVARIANCE + 4 * np.outer(along, along)
+    told = replace(told_of(x + 6 * rng.standard_normal((80, 1)) * along, known), error=np.tile(error, (80, 1, 1)))
+    p = LearntLaw.of(told, prior).probabilities(told, 0.005)[0].mean(axis=1)
+    assert np.sum((p[:60] > 0.5) != gangue) <= 2
 
 
 @pytest.mark.parametrize("material", [0, 1])
