@@ -242,6 +242,15 @@ class LearntLaw:
         odds, none = self.materials(told)
         return doubted(odds, least_doubt), none
 
+    def slowed(self, told: Told) -> Floats:
+        """Probability (n,) of stones that they came down slower than the others."""
+        fast = self.laws.copy()
+        fast[:, SLOW] = -np.inf
+        no_slower, any_speed = (np.logaddexp(*np.moveaxis(self.beliefs.log_classes(z, told)[..., :2], -1, 0))
+                                for z in (fast, self.laws))
+        share = -np.logaddexp(0, self.laws[:, SLOW, None])
+        return np.asarray(1 - np.exp(share + no_slower - any_speed).clip(max=1).mean(axis=0))
+
     def drawn(self, number: int, material: int, count: int, told: Told) -> Told:
         """So many stones of a material by one of the laws, heard as well as those that are told; always the same."""
         z, b, rng = self.laws[number], self.beliefs, np.random.default_rng([2, number, material])

@@ -21,6 +21,7 @@ AT_ONCE, DRAWS, SHARES = 16, 1000, 200  # stones; of the ratio; nodes of the sha
 LEVELS = (0.05, 0.5, 0.95)
 #: Two stones within this time are heard as one (docs/listening.md); the largest share that is ever missed so.
 DEAD_S, MOST_MISSED = 0.2e-3, 0.5
+AGAIN = 0.4  # of the stones that come down slower have touched before; the others struck another in the air
 AGAIN_SAMPLES, AGAIN_M = 20, 0.05  # within which a weaker touch is of the same stone
 
 
@@ -98,7 +99,7 @@ def first_touches(heard: Sequence[Heard], before: Sequence[Heard] = ()) -> list[
 
 COLUMNS = ["t_s", "t_sd_s", "x_m", "y_m", "place_sd_m", "gangue", "impulse_N_s", "duration_s", "radius_m",
            "radius_sd_m", "speed_m_s", "speed_sd_m_s", "mass_coal_kg", "mass_gangue_kg", "mass_coal_sd_kg",
-           "mass_gangue_sd_kg", "misfit"]
+           "mass_gangue_sd_kg", "again", "misfit"]
 BY_LAW = "gangue_by_law_"  # of the columns after these, one for each law
 
 
@@ -121,7 +122,7 @@ def rows_of(heard: Sequence[Heard], told: Told, law: LearntLaw, prior: StonePrio
         stone[:, TIME] / rate_Hz - prior.forces.start[likely] * duration, np.sqrt(covariance[:, TIME, TIME]) / rate_Hz,
         stone[:, X], stone[:, Y], np.sqrt((covariance[:, X, X] + covariance[:, Y, Y]) / 2), gangue,
         np.exp(stone[:, IMPULSE]), duration, r, r * np.sqrt(cov[:, 0, 0]), v, v * np.sqrt(cov[:, 1, 1]), *mass,
-        *mass_sd, np.array([h.misfit for h in heard]))
+        *mass_sd, AGAIN * law.slowed(told), np.array([h.misfit for h in heard]))
     names = [*COLUMNS, *(f"{BY_LAW}{k}" for k in range(by_law.shape[1]))]
     return pd.DataFrame(np.column_stack([*columns, by_law]), columns=names)
 
@@ -137,9 +138,9 @@ def ratios_of(stones: pd.DataFrame) -> tuple[tuple[float, float, float], ...]:
 
     Each stone is gangue with a probability p that is the same for all and unknown, uniform beforehand. Its posterior
     follows from all stones; were it taken as 1/2, stones of uncertain material would pull the ratio there. The law of
-    the forces is unknown too: each of some has its column, without any only "gangue" counts. Of two stones that
-    arrive almost at once one is missed, which is gangue with p too. The distribution is drawn from, always with the
-    same seed.
+    the forces is unknown too: each of some has its column, without any only "gangue" counts. A stone that may have
+    touched before (column "again") counts in as many draws less. Of two stones that arrive almost at once one is
+    missed, which is gangue with p too. The distribution is drawn from, always with the same seed.
     """
     if len(stones) == 0:
         return ((np.nan, np.nan, np.nan),) * 2
@@ -153,12 +154,14 @@ def ratios_of(stones: pd.DataFrame) -> tuple[tuple[float, float, float], ...]:
     gangue = rng.random(of_gangue.shape) * (of_gangue + of_coal) < of_gangue
     missed = rng.poisson(missed_of(stones), DRAWS)
     missed_gangue = rng.binomial(missed, p)
-    weights = [np.ones(gangue.shape)]
+    first = np.asarray(rng.random(gangue.shape) >= stones.get("again", pd.Series(0.0, stones.index)).to_numpy(), float)
+    first[first.sum(axis=1) == 0] = 1.0
+    weights = [first]
     if "mass_coal_kg" in stones:
         mean = np.where(gangue, stones["mass_gangue_kg"].to_numpy(), stones["mass_coal_kg"].to_numpy())
         sd = np.where(gangue, stones["mass_gangue_sd_kg"].to_numpy(), stones["mass_coal_sd_kg"].to_numpy())
         shape = np.log1p((sd / mean) ** 2)  # log-normal of that mean and deviation
-        weights.append(mean * np.exp(np.sqrt(shape) * rng.standard_normal(mean.shape) - shape / 2))
+        weights.append(first * mean * np.exp(np.sqrt(shape) * rng.standard_normal(mean.shape) - shape / 2))
     found = []
     for weight in weights:
         gangue_weight = _with_missed(weight, gangue, missed_gangue)

@@ -24,6 +24,7 @@ from recognition.stream.checks import together, without_offset_and_hum
 from recognition.stream.fit import Window
 from recognition.stream.listen import BLOCK, KEPT, PART, Listener
 from recognition.stream.recognise import LEAST_FREQUENCY_SD, PHASE_LOSS, RATE_Hz, recognise_stream
+from recognition.stream.stone_law import LearntLaw, Told
 from recognition.stream.stones import ratio_of
 from tests.recognition.elastic_stones import CHANNELS, after_noise, elastic_stone, surely_told
 
@@ -114,6 +115,29 @@ def test_missed_stones_widen_the_interval():
         low, middle, high = ratio_of(stones.assign(t_s=stones["t_s"] / 1000), by_mass)
         assert middle == pytest.approx(ratio, abs=0.01)
         assert low < ratio - 0.03 and high > ratio + 0.03
+
+
+def test_a_stone_that_may_have_touched_before_counts_less():
+    """Of 30 touches of gangue 10 are second ones, which takes their mass away as well; where all may be, some counts."""
+    stones = pd.DataFrame({"t_s": 0.1 * np.arange(40), "gangue": np.repeat([0.0, 1.0], [10, 30]), "mass_coal_kg": 1.0,
+                           "mass_gangue_kg": 2.0, "mass_coal_sd_kg": 1e-9, "mass_gangue_sd_kg": 1e-9})
+    sure, half = np.repeat([0.0, 1.0], [30, 10]), np.repeat([0.0, 0.5], [20, 20])
+    for by_mass, right in ((False, 2 / 3), (True, 0.8)):
+        assert ratio_of(stones.assign(again=sure), by_mass) == pytest.approx((right,) * 3, abs=0.01)
+        low, middle, high = ratio_of(stones.assign(again=half), by_mass)
+        assert low < right < high and middle == pytest.approx(right, abs=0.01) and high - low > 0.03
+    assert ratio_of(stones[20:22].assign(again=1.0)) == pytest.approx((1, 1, 1), abs=0.01)
+
+
+def test_touches_of_stones_that_came_down_slower_may_be_second_ones(forces):
+    """Sixty stones, of which twelve come down once more with 0.6 of their speed."""
+    prior, rng = StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), np.random.default_rng(15)
+    base = forces.mean(0, np.array(0.025), np.array(3.0)) + 0.02 * rng.standard_normal((60, 3))
+    x = np.vstack([base, base[:12] + np.log(0.6) * np.array([-0.2, 0.0, 1.0])])
+    known = np.r_[np.zeros(20, int), np.full(52, -1)]
+    told = Told(x, np.tile(np.diag([4e-4, 0.04, 4e-4]), (72, 1, 1)), known, np.zeros(72, bool))
+    slowed = LearntLaw.of(told, prior).slowed(told)
+    assert slowed[60:].mean() > 0.9 and slowed[:60].mean() < 0.1
 
 
 def test_signature_is_the_whitened_response(plate, forces):
