@@ -24,7 +24,7 @@ def fall(directory, x_m, y_m=0.0, velocity=(0.0, -1.0), restitution=1.0, frictio
     text = text.replace("0.5 0.5 0.5 0.5", " ".join([str(friction)] * 4))
     run_engine(directory, text.replace("0.9 0.9 0.9 0.9", " ".join([str(restitution)] * 4)))
     seen = frames(directory)
-    start = 0.5 * body.mass_kg[0] * (velocity[0] ** 2 + velocity[1] ** 2)
+    start = 0.5 * body.mass_kg[0] * (velocity[0] ** 2 + velocity[1] ** 2) or 1.0  # J, of one that was at rest
     return seen.v[:, 0], seen.force[:, 0], {name: rows[:, 0] / start for name, rows in ledger(directory).column.items()}
 
 
