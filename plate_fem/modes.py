@@ -46,12 +46,12 @@ class PlateModes:
     nodal (4, n_nodes, n): w, w_x, w_y, w_xy at the nodes; the deflection is bicubic between them.
     mean_shape (n,): mean of w over the mass of plate and ribs, the displacement of their centre of mass.
     rod_force (n_rods, n): axial force (N, tension positive) at the base of each rod, per amplitude.
-    surface_stress (n_nodes, 3, n): sx, sy, txy (Pa) at the top surface, per amplitude.
+    surface_stress (n_nodes, 3, n): sx, sy, txy (Pa) at the top surface, per amplitude, in single precision.
     mass_kg: mass of plate and ribs without rods.
     theory: "kirchhoff" or "mindlin".
     n_residual: how many modes, the last ones, stand for the compliance of the rest (plate_fem/solution/eigen.py).
     lateral (n_nodes, 2, n): displacement of the top surface along x and y at the nodes, of a plate that can sway; no
-        rows of one that cannot.
+        rows of one that cannot. In single precision.
 
     >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
     >>> modes.shape_at([[0.0, 0.17]]).shape == (1, modes.frequency_Hz.size)
@@ -264,7 +264,7 @@ def _all_shapes(rows: list[sp.csr_array], vectors: Iterable[np.ndarray], count: 
     found, start = list[np.ndarray](), 0
     for some in vectors:
         parts, end = _shapes_of(rows, some), start + some.shape[1]
-        found = found or [np.empty((*part.shape[:-1], count)) for part in parts]
+        found = found or [np.empty((*part.shape[:-1], count), part.dtype) for part in parts]
         for whole, part in zip(found, parts, strict=True):
             whole[..., start:end] = part
         start = end
@@ -277,8 +277,9 @@ def _shapes_of(rows: list[sp.csr_array], vectors: np.ndarray) -> tuple[np.ndarra
     w, stress, lateral, momentum, force = (one @ vectors for one in rows)
     w, n = w.reshape(4, -1, w.shape[1]), w.shape[1]
     sign = _sign(w[0])
-    return (sign * w, sign * stress.reshape(3, -1, n).swapaxes(0, 1), sign * lateral.reshape(2, -1, n).swapaxes(0, 1),
-            sign * momentum[0], sign * force)
+    stress, lateral = (np.asarray(sign * of.reshape(axes, -1, n).swapaxes(0, 1), np.float32)
+                       for of, axes in ((stress, 3), (lateral, 2)))
+    return sign * w, stress, lateral, sign * momentum[0], sign * force
 
 
 def _sign(shape: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from plate_fem.modes import PlateModes
 
 
 def surface_stress(modes: PlateModes, amplitude: np.ndarray) -> np.ndarray:
-    """Return the stress (n_nodes, 3) in Pa at the top surface, columns sx, sy, txy, for modal amplitudes (n,).
+    """Return the stress (n_nodes, 3, ...) in Pa at the top surface, sx, sy and txy, for modal amplitudes (n, ...).
 
     The bottom has the opposite sign. The local stress under a contact is not included.
 
@@ -23,7 +23,8 @@ def surface_stress(modes: PlateModes, amplitude: np.ndarray) -> np.ndarray:
     >>> surface_stress(modes, np.ones(modes.frequency_Hz.size)).shape == (len(modes.node_m), 3)
     True
     """
-    return modes.surface_stress @ amplitude
+    amplitude, (*at, n) = np.asarray(amplitude, np.float32), modes.surface_stress.shape
+    return (modes.surface_stress.reshape(-1, n) @ amplitude).reshape(*at, *amplitude.shape[1:]).astype(float)
 
 
 def von_mises(stress: np.ndarray) -> np.ndarray:
@@ -44,16 +45,15 @@ class StressPeak:
 
     def __init__(self, modes: PlateModes, rods: Sequence[Rod]) -> None:
         self._node_m = modes.node_m
-        n_modes = modes.surface_stress.shape[2]
-        self._columns = np.moveaxis(modes.surface_stress, 1, 0).reshape(-1, n_modes)  # all sx, all sy, all txy
+        self._modes = modes
         near = np.zeros(len(self._node_m), bool)
         for rod in rods:
             near |= np.hypot(*(self._node_m - (rod.x_m, rod.y_m)).T) < rod.diameter_m
         self._nodes = [np.flatnonzero(~near), np.flatnonzero(near)]
         self._best = np.zeros((2, 3))  # of both: von Mises stress squared, node, time
         # Von Mises stress is a norm, so that of a sum is at most the sum of those of the modes.
-        unit = von_mises(np.moveaxis(modes.surface_stress, 1, 2))  # (n_nodes, n_modes)
-        self._largest = np.array([unit[nodes].max(axis=0, initial=0.0) for nodes in self._nodes])
+        units = (von_mises(np.moveaxis(part.surface_stress.astype(float), 1, 2)) for part in modes.parts())
+        self._largest = np.hstack([[unit[nodes].max(axis=0, initial=0.0) for nodes in self._nodes] for unit in units])
 
     def add(self, t_s: np.ndarray, amplitude: np.ndarray) -> None:
         """Note the modal amplitudes (k, n) at the times t_s (k,)."""
@@ -61,7 +61,7 @@ class StressPeak:
         above = ((np.abs(amplitude) @ self._largest.T) ** 2 > self._best[:, 0]).any(axis=1)
         if not above.any():
             return
-        sx, sy, txy = (self._columns @ amplitude[above].T).reshape(3, len(self._node_m), -1)
+        sx, sy, txy = np.moveaxis(surface_stress(self._modes, amplitude[above].T), 1, 0)
         squared = sx * (sx - sy) + sy**2 + 3 * txy**2
         for best, nodes in zip(self._best, self._nodes, strict=True):
             if len(nodes):

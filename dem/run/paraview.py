@@ -30,7 +30,14 @@ from dem.stones.assembly import Assembly
 from dem.stones.bonds import fragments
 from plate_fem.elements.mesh import bicubics
 from plate_fem.modes import PlateModes
-from plate_fem.stress import HertzContact, contact_patch, contact_surface_stress, von_mises, von_mises_3d
+from plate_fem.stress import (
+    HertzContact,
+    contact_patch,
+    contact_surface_stress,
+    surface_stress,
+    von_mises,
+    von_mises_3d,
+)
 
 BLOCK_BYTES = 1 << 20
 LEAST_FOR_ISAL_BYTES = 4096  # ISA-L packed 96 bytes as 49 in one process and as 51 in another
@@ -215,14 +222,12 @@ class PlateMeshes:
 
     def __init__(self, modes: PlateModes, plate: FlexiblePlate):
         self._modes, self._plate = modes, plate
-        n = modes.surface_stress.shape[2]
-        self._stress = np.ascontiguousarray(modes.surface_stress.reshape(-1, n))  # of unit amplitudes
-        self._nodal = np.ascontiguousarray(modes.nodal.reshape(-1, n))
+        self._nodal = np.ascontiguousarray(modes.nodal.reshape(-1, modes.nodal.shape[2]))
         self._at_rods = modes.shape_at(np.array([rod.place_m for rod in plate.rods]).reshape(-1, 2))
 
     def meshes(self, amplitude: np.ndarray, contacts: list[HertzContact]) -> dict[str, Mesh]:
         """The plate at the modal amplitudes (modes,), a fine patch about each contact, and the rods."""
-        bending = (self._stress @ amplitude).reshape(-1, 3)
+        bending = surface_stress(self._modes, amplitude)
         found = {"plate": self._surface(amplitude, bending, contacts)}
         if contacts:
             found["contacts"] = self._patches(amplitude, bending, contacts)
