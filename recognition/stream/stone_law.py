@@ -10,8 +10,9 @@ and stiffnesses. Centres, what is between them, and the scatter of the stones va
 
 How far they vary is unknown, and so are the shares of gangue, of stones of either material that break, which have
 another form, of stones that bounced, and of what is no stone: a second touch, a fragment, a knock; and by how much the
-errors are larger than the fit says. The simulated law of forces is the prior of all that. A known stone is of its material with a probability of KNOWN. Known stones that were
-dropped may have had another speed and size than those of the record.
+errors are larger than the fit says. The simulated law of forces is the prior of all that. A known stone is of its
+material with a probability of KNOWN. Known stones that were dropped may have had another speed and size than those of
+the record.
 
 Where the record fits several laws, the draws hold all of them.
 """
@@ -160,7 +161,8 @@ class Beliefs:
                         + np.sum(((z[:, SCATTERS] - self.scatter) / SCATTER_SD) ** 2, axis=1)
                         + np.einsum("ki,ij,kj->k", breaks, _BREAKS, breaks)
                         + ((z[:, OTHERS] - OTHER) / OTHER_SD) ** 2 + ((z[:, SLOW] - SLOWED) / SLOWED_SD) ** 2
-                        + ((z[:, ERRORS] - LARGER) / LARGER_SD) ** 2 + np.sum((z[:, DROPPED] / DROPPED_SD) ** 2, axis=1))
+                        + ((z[:, ERRORS] - LARGER) / LARGER_SD) ** 2
+                        + np.sum((z[:, DROPPED] / DROPPED_SD) ** 2, axis=1))
         s, _, j = z[:, APART].T
         too_light = np.minimum(np.minimum(j - LEAST_APART[0], j - 3 * s - LEAST_APART[1]), 0)
         return np.asarray(total - np.logaddexp(0, z[:, GANGUE]) - np.logaddexp(0, -z[:, GANGUE]) - 1e3 * too_light**2)

@@ -11,6 +11,7 @@ import pytest
 from scenes_of_tests import changed
 from scipy.integrate import solve_ivp
 
+import dem.deck.render
 import dem.run.participants
 from common.files.cache import user_cache
 from common.resources import resource
@@ -179,6 +180,36 @@ def test_the_scheme_is_of_second_order_in_the_co_step(runs):
     assert abs(missing[1]) < 1e-6
     slope = np.polyfit(np.log([length[s] for s in compared]), np.log([abs(missing[s]) for s in compared]), 1)[0]
     assert 1.8 < slope < 2.2, f"{slope:.2f}, {missing}"
+
+
+def test_a_stone_that_another_strikes_just_above_the_plate_is_felt(tmp_path, monkeypatch):
+    """Messages are rare, as they are where chips lie, which the large stone does here. The lower of two small stones comes
+    40 um above the plate at a hundredth of the speed of the upper one, which gives it its own: whenever between two
+    messages it touches, the plate gets the same impulse as by messages that are not rare."""
+    render = dem.deck.render.render
+
+    def with_rare_messages(*given):
+        text = render(*given)
+        place = text.index("contact model", text.index("wall/plate"))
+        return f"{text[:place]}weak_contact 1e9 1e9 64 64 {text[place:]}"
+
+    def impulse_N_s(number, touch_s):
+        small = {"material": "gangue", "radius_m": 0.003, "place_m": [0.1, 0.03]}
+        scene = changed("elastic_plate", {
+            **dict.fromkeys([f"stones.{name}" for name in ("count", "radius_m", "positions_m", "speed_m_s", "gangue_order",
+                                                          "gangue_ratio")]),
+            "stones.each": [{"material": "gangue", "radius_m": 0.025, "place_m": [-0.1, 0.0], "velocity_m_s": 0.05},
+                            small | {"velocity_m_s": 0.05, "arrival_s": touch_s + 4e-5 / 0.05},
+                            small | {"velocity_m_s": 5.0, "arrival_s": touch_s + 6.04e-3 / 5}],
+            "stones.gap_m": 1e-7, "time.duration_s": 2.25e-4, "time.sample_interval_s": 4.5e-5, "time.view_interval_s": None,
+            "time.free_flight_tolerance": 0.0, "contacts.gangue_gangue": {"restitution": 1.0, "friction": 0.0}})
+        run_scene(scene, "struck", tmp_path / str(number))
+        return pd.read_parquet(tmp_path / str(number) / "stones.parquet")["impulse_Ns"][1]
+
+    expected = impulse_N_s("often", 1.1e-4)
+    monkeypatch.setattr(dem.deck.render, "render", with_rare_messages)
+    found = [impulse_N_s(k, 1e-4 + 5e-6 * k) for k in range(4)]
+    assert found == pytest.approx([expected] * 4, rel=2e-3)
 
 
 def test_the_co_step_of_a_bonded_stone_is_short_enough(runs):

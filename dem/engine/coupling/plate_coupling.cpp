@@ -52,16 +52,10 @@ void PlateCoupling::predict(const std::vector<NearSphere> &near) {
 // Takes the mode shapes at the place of a near sub-sphere, and the plate there at both ends of the time between
 // messages.
 void PlateCoupling::predict(const NearSphere &p, Site &site) {
-  const Atom *atom = lmp_->atom;
-  const double *x = atom->x[p.i];
-  const double reach = link_.reach + 2 * std::fabs(atom->v[p.i][2]) * interval_s();
-  site.is_active = p.stands_for_patch || x[2] - atom->radius[p.i] < reach + p.outside + PLATE_CLEARANCE_M;
+  site.is_active = p.stands_for_patch || is_within_reach(p, 2 * std::fabs(lmp_->atom->v[p.i][2]) * interval_s());
   std::fill_n(site.way, 3, Site::Way());
   if (!site.is_active) return;
-  const double foot_x = std::clamp(x[0] + p.to_foot[0], extent_[0], extent_[1]);
-  const double foot_y = std::clamp(x[1] + p.to_foot[1], extent_[2], extent_[3]);
-  if (!site.has_shape() || std::hypot(foot_x - site.x, foot_y - site.y) > SHAPE_TOLERANCE_M)
-    take_shape(foot_x, foot_y, site);
+  follow(p, site);
   const double *shape = site.shapes.data();
   const double *amplitude0 = amplitude0_.data(), *rate0 = rate0_.data();
   const double *amplitude1 = link_.amplitude.data(), *rate1 = link_.rate.data();
@@ -76,6 +70,21 @@ void PlateCoupling::predict(const NearSphere &p, Site &site) {
     }
     site.way[d] = {w0, w1, r0, r1};
   }
+}
+
+// Can the plate reach a sub-sphere that comes nearer by `way`?
+bool PlateCoupling::is_within_reach(const NearSphere &p, double way) const {
+  const Atom *atom = lmp_->atom;
+  return atom->x[p.i][2] - atom->radius[p.i] < link_.reach + way + p.outside + PLATE_CLEARANCE_M;
+}
+
+// The mode shapes beneath a near sub-sphere.
+void PlateCoupling::follow(const NearSphere &p, Site &site) const {
+  const double *x = lmp_->atom->x[p.i];
+  const double foot_x = std::clamp(x[0] + p.to_foot[0], extent_[0], extent_[1]);
+  const double foot_y = std::clamp(x[1] + p.to_foot[1], extent_[2], extent_[3]);
+  if (!site.has_shape() || std::hypot(foot_x - site.x, foot_y - site.y) > SHAPE_TOLERANCE_M)
+    take_shape(foot_x, foot_y, site);
 }
 
 // The mode shapes at a place: from the grid where the site has none near by, else along the slopes of those it has.
@@ -107,8 +116,12 @@ double PlateCoupling::Site::Way::velocity(double s, double T) const {
   return (dw + (1 - 2 * s) * ((1 - s) * a + s * b) + s * (1 - s) * (b - a)) / T;
 }
 
+// A sub-sphere that something struck since the last message may come sooner than was foreseen.
 void PlateCoupling::place(std::vector<NearSphere> &near, int step_in_co_step) {
-  for (size_t k = 0; k < near.size(); k++) place(near[k], sites_[k], step_in_co_step);
+  for (size_t k = 0; k < near.size(); k++) {
+    if (engaged_ && !sites_[k].is_active && is_within_reach(near[k], 0)) predict(near[k], sites_[k]);
+    place(near[k], sites_[k], step_in_co_step);
+  }
 }
 
 void PlateCoupling::find(NearSphere &p, size_t number, int step_in_co_step) {
@@ -131,6 +144,7 @@ void PlateCoupling::add_forces(const std::vector<NearSphere> &near, double share
   const int modes = shapes_.modes();
   for (size_t k = 0; k < near.size(); k++) {
     if (!near[k].touches || near[k].push == 0) continue;
+    if (!sites_[k].has_shape()) follow(near[k], sites_[k]);  // struck since the plate was last asked for anything
     const double *shape = sites_[k].shapes.data();
     const double force[3] = {near[k].push, near[k].drag[0], near[k].drag[1]};
     for (int d = 0; d < shapes_.directions(); d++, shape += modes)
@@ -149,13 +163,9 @@ bool PlateCoupling::end_co_step(const std::vector<NearSphere> &near, bool first)
 }
 
 bool PlateCoupling::anything_near(const std::vector<NearSphere> &near) const {
-  const Atom *atom = lmp_->atom;
   int mine = 0, any = 0;
-  const double T = interval_s();
-  for (const NearSphere &p : near) {
-    const double clearance = atom->x[p.i][2] - atom->radius[p.i];
-    mine |= p.touches || clearance < link_.reach + 2 * T * std::fabs(atom->v[p.i][2]) + p.outside + PLATE_CLEARANCE_M;
-  }
+  for (const NearSphere &p : near)
+    mine |= p.touches || is_within_reach(p, 2 * std::fabs(lmp_->atom->v[p.i][2]) * interval_s());
   MPI_Allreduce(&mine, &any, 1, MPI_INT, MPI_MAX, lmp_->world);
   return any;
 }
@@ -165,7 +175,6 @@ bool PlateCoupling::anything_near(const std::vector<NearSphere> &near) const {
 // push^(-1/6), as the limit of stability of a Hertz contact does; one where a face presses. Between messages nothing comes further than at
 // weak_.speed_m_s.
 int PlateCoupling::co_steps_to_extrapolate(const std::vector<NearSphere> &near) const {
-  const Atom *atom = lmp_->atom;
   const Update *update = lmp_->update;
   const long long left = (update->laststep - update->ntimestep) / co_step_;
   const int most = std::max(1LL, std::min<long long>(weak_.most_co_steps, left));
@@ -175,11 +184,8 @@ int PlateCoupling::co_steps_to_extrapolate(const std::vector<NearSphere> &near) 
   for (const NearSphere &p : near) {
     if (p.touches) push += std::fabs(p.force[2]);
     if (p.face.acts) mine = 1;  // as stiff under a weak push
-    const double clearance = atom->x[p.i][2] - atom->radius[p.i], speed = std::fabs(atom->v[p.i][2]);
-    const double way = 2 * co_step_ * update->dt * speed;
-    while (mine > 1 && speed * mine > weak_.speed_m_s * weak_.co_steps &&
-           clearance < link_.reach + mine * way + p.outside + PLATE_CLEARANCE_M)
-      mine--;
+    const double speed = std::fabs(lmp_->atom->v[p.i][2]), way = 2 * co_step_ * update->dt * speed;
+    while (mine > 1 && speed * mine > weak_.speed_m_s * weak_.co_steps && is_within_reach(p, mine * way)) mine--;
   }
   MPI_Allreduce(&push, &all_push, 1, MPI_DOUBLE, MPI_SUM, lmp_->world);
   MPI_Allreduce(&mine, &all, 1, MPI_INT, MPI_MIN, lmp_->world);

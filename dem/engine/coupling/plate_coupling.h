@@ -85,7 +85,9 @@ class PlateCoupling {
   bool anything_near(const std::vector<NearSphere> &) const;
   int co_steps_to_extrapolate(const std::vector<NearSphere> &) const;
   void send_message(const std::vector<NearSphere> &);
+  bool is_within_reach(const NearSphere &, double way) const;
   void predict(const NearSphere &, Site &);
+  void follow(const NearSphere &, Site &) const;
   void take_shape(double x, double y, Site &) const;
   void place(NearSphere &, const Site &, int step_in_co_step) const;
 };
