@@ -6,6 +6,7 @@ import resource
 import subprocess
 import sys
 import tomllib
+import tracemalloc
 
 import numpy as np
 import pandas as pd
@@ -156,8 +157,11 @@ def test_a_rod_too_thin_for_any_mesh_is_refused_at_once(diameter_m):
     rod = {"place_m": [0.05, 0.03], "diameter_m": diameter_m, "length_m": 0.1, "youngs_modulus_Pa": 2e11,
            "density_kg_m3": 7830.0}
     plate = changed_scene(SCENES / "elastic_plate.toml", {"plate.rods": [rod]}).plate
+    tracemalloc.start()
     with pytest.raises(Refused, match="must leave"):
         mesh_lines(plate)
+    assert tracemalloc.get_traced_memory()[1] < 5e6  # bytes: no line more than it takes to see that they are too many
+    tracemalloc.stop()
 
 
 def test_a_record_with_times_in_ms_is_refused(tmp_path):
