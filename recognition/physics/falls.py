@@ -1,0 +1,202 @@
+"""Where and when the stones of a record fell, on a plate that is known.
+
+From its arrival on, a stone pushes with f_0 + sum of a_k f_k on its place: f_0 is the mean force of both materials, f_1
+half of what is between them, and the others are the principal components of what scatters, so that each a_k has a
+standard deviation of about one. A stone after the other is put where it explains most of what those before it leave, on
+a grid of places and times (orthogonal matching pursuit: Pati, Rezaiifar, Krishnaprasad, Asilomar 1993); after each, all
+are fitted together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import fftconvolve
+
+from analysis.signals.resampling import low_pass
+from common.scene.plate import FlexiblePlate
+from recognition.estimation.arrays import Floats, Integers
+from recognition.physics.arrangement_likelihood import SMALL_M, ArrangementModel, hats
+from recognition.physics.force_records import Fall
+from recognition.physics.seen import Seen
+from recognition.plate.plate_model import PlateModel, modal_steps
+
+COMPONENTS, WIDEST = 5, 4.0  # of what scatters; standard deviations that a coefficient has at most
+GRID_M, GRID_S = 0.02, 4e-5  # on which a stone is put first
+SMALLEST, LARGEST = 0.3, 2.5  # factors on the mean force with which it is put there
+TIME_S, PLACE_M = 1e-5, 2e-3  # typical changes of an arrival and a place in a fit
+LEAST_LEFT = 0.02  # of the power of a response that must be left when what others can explain is taken out of it
+EVALUATIONS = 8  # of a fit
+TRIED, NEAR_S, NEAR_M = 3, 1.5e-4, 0.05  # stones that are tried as the next, and how near no two of them are
+ENOUGH, ROUNDS = 1.3, 4  # mean square that is left, at which each stone in turn is no more sought anew; rounds at most
+FIRST = 3  # numbers of a stone before its coefficients: arrival, x, y
+
+
+@dataclass(frozen=True)
+class FallSearch:
+    """seen: the plate and the law of a model; motion (forms, 2, n, steps): acceleration and amplitude of each mode under
+    the forms of the force, as records take them, from `begin` on; grid (places x times, 3): arrivals and places;
+    response (places x times, channels, samples): to f_0 there, single precision."""
+
+    seen: Seen
+    motion: Floats
+    begin: int
+    latest_s: float
+    grid: Floats
+    response: Floats
+
+    @classmethod
+    def of(cls, model: ArrangementModel, latest_s: float) -> FallSearch:
+        """For records of a model, whose stones arrive up to latest_s after the beginning."""
+        plate = FlexiblePlate.model_validate_json(model.plate_json)
+        assert plate.max_frequency_Hz is not None
+        seen = Seen(PlateModel.from_scene(plate, plate.max_frequency_Hz), model)
+        filtered, begin = low_pass(model.stride) if model.anti_alias else (np.ones(1), 0)
+        motion = np.array([_motion(seen.plate, force, model.step_s, filtered) for force in _forms(model)])
+        search = cls(seen, motion, begin, latest_s, np.empty((0, FIRST)), np.empty(0))
+        along = [np.arange(lines[0] + GRID_M / 2, lines[-1], GRID_M)
+                 for lines in (seen.plate.lines_x_m, seen.plate.lines_y_m)]
+        x, y = (one.ravel() for one in np.meshgrid(*along))
+        times = np.arange(0.0, latest_s, GRID_S)
+        down = -seen.plate.shape(x, y)
+        response = np.stack([search._sensed(search._at(t)[0][0], down) for t in times], axis=1).astype(np.float32)
+        grid = np.array([(t, *place) for place in zip(x, y, strict=True) for t in times])
+        return cls(seen, motion, begin, latest_s, grid, response.reshape(len(grid), *response.shape[2:]))
+
+    def fall(self, signals: Floats, noise: Floats, channels: Integers) -> Fall:
+        """Of the stones of a record: signals (m, samples), standard deviation of each sensor's noise (m,), and which
+        channels of the model the m are."""
+        model = self.seen.model
+        sd = np.hypot(model.residual[channels] * model.scale[channels], noise)
+        fit = _Fit(self, channels, signals / sd[:, None], 1 / sd)
+        stones, left = np.empty((0, FIRST + len(self.motion) - 1)), np.inf
+        for _ in range(model.stones):
+            stones, left = fit.with_one_more(stones)
+        for _ in range(ROUNDS * model.stones):
+            if left < ENOUGH:
+                break
+            other, by_other = fit.with_one_more(np.delete(stones, 0, axis=0))
+            stones, left = (other, by_other) if by_other < left else (np.roll(stones, -1, axis=0), left)
+        return Fall(stones[:, 1:FIRST], stones[:, 0])
+
+    def _at(self, arrival_s: float) -> tuple[Floats, Floats]:
+        """Motion (forms, 2, n, samples) of the modes at the samples, and its derivative by the arrival."""
+        model = self.seen.model
+        at = self.begin + model.stride * np.arange(model.samples) - arrival_s / model.step_s
+        low = np.floor(at).astype(int)
+        share, before, after = at - low, *(np.where(k >= 0, self.motion[..., np.maximum(k, 0)], 0.0)
+                                           for k in (low, low + 1))
+        return (1 - share) * before + share * after, (before - after) / model.step_s
+
+    def _sensed(self, modal: Floats, down: Floats) -> Floats:
+        """Signals (..., k, channels, samples) of motion (..., 2, n, samples) by forces on k places, whose modes have
+        `down` (k, n) of them."""
+        observed, rod = self.seen.observed, self.seen.is_rod
+        out = np.empty((*modal.shape[:-3], len(down), len(rod), modal.shape[-1]))
+        for kind, chosen in enumerate((~rod, rod)):
+            out[..., chosen, :] = (observed[chosen] * down[:, None]) @ modal[..., kind, :, :][..., None, :, :]
+        return out
+
+    def stone(self, numbers: Floats) -> tuple[Floats, Floats]:
+        """Signals (channels, samples) of one stone, and their derivatives (numbers, channels, samples)."""
+        t_s, x, y = numbers[:FIRST]
+        by_form, by_time = self._at(t_s)
+        weight = np.r_[1.0, numbers[FIRST:]]
+        moved = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * SMALL_M / 2
+        place = -self.seen.plate.shape(*self._inside(np.array([x, y]) + moved).T)
+        slopes = (place[1::2] - place[2::2]) / SMALL_M
+        each = self._sensed(by_form, place[:1])[:, 0]
+        later = self._sensed(np.tensordot(weight, by_time, 1), place[:1])
+        across = self._sensed(np.tensordot(weight, by_form, 1), slopes)
+        return np.tensordot(weight, each, 1), np.concatenate([later, across, each[1:]])
+
+    def _inside(self, place_m: Floats) -> Floats:
+        return np.clip(place_m, *self.edges)
+
+    @property
+    def edges(self) -> tuple[Floats, Floats]:
+        """Lowest and highest x and y of the plate."""
+        lines = (self.seen.plate.lines_x_m, self.seen.plate.lines_y_m)
+        return np.array([one[0] for one in lines]), np.array([one[-1] for one in lines])
+
+
+def _forms(model: ArrangementModel) -> Floats:
+    """f_0 and the others (forms, steps), N, at the middle speed."""
+    coal, gangue = model.laws[:, 0]
+    power, components = np.linalg.eigh(model.covariance)
+    bins = np.vstack([(coal + gangue) / 2, (gangue - coal) / 2,
+                      (components * np.sqrt(np.maximum(power, 0)))[:, :-COMPONENTS - 1:-1].T])
+    return np.asarray(bins @ hats(model.width, model.hat.shape[1], bins.shape[1]).T)
+
+
+def _motion(plate: PlateModel, force_N: Floats, step_s: float, filtered: Floats) -> Floats:
+    amplitude, _, acceleration = modal_steps(plate, np.tile(force_N, (len(plate.frequency_Hz), 1)), 1 / step_s)
+    return np.asarray(fftconvolve(np.stack([acceleration, amplitude]), filtered[None, None], axes=2))
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """A record in units of its noise, white (m, samples), of some channels; weight (m,): of a signal of these."""
+
+    search: FallSearch
+    channels: Integers
+    white: Floats
+    weight: Floats
+
+    def _of(self, stones: Floats) -> tuple[Floats, Floats]:
+        """What stones leave of the record (d,), and the derivatives (d, numbers of all stones) of their signals."""
+        found = [self.search.stone(one) for one in stones]
+        left, weight = self.white.copy(), self.weight[:, None]
+        for signals, _ in found:
+            left -= signals[self.channels] * weight
+        slopes = [(one[:, self.channels] * weight).reshape(len(one), -1) for _, one in found]
+        return left.ravel(), np.concatenate([*slopes, np.empty((0, left.size))]).T
+
+    def with_one_more(self, stones: Floats) -> tuple[Floats, float]:
+        """These and another stone, all fitted, and what they leave; the best of TRIED."""
+        found = [self.fitted(np.vstack([stones, one])) for one in self.one_more(stones)]
+        return min(found, key=lambda one: one[1])
+
+    def one_more(self, stones: Floats) -> Floats:
+        """(TRIED, numbers): stones with the mean force, of any size, that explain most of what is left, no two near
+        each other."""
+        left, slopes = self._of(stones)
+        known = np.linalg.qr(slopes)[0]
+        left = left - known @ (known.T @ left)
+        weight = np.repeat(self.weight, self.white.shape[1])
+        response, grid = self.search.response[:, self.channels], self.search.grid
+        response = response.reshape(len(grid), -1)
+        product = response @ np.column_stack([left * weight, known * weight[:, None]]).astype(np.float32)
+        power = response**2 @ (weight**2).astype(np.float32)
+        own = np.maximum(power - (product[:, 1:] ** 2).sum(axis=1), LEAST_LEFT * power)
+        size = np.clip(product[:, 0] / own, SMALLEST, LARGEST)
+        explained, found = 2 * size * product[:, 0] - size**2 * own, list[Floats]()
+        for _ in range(TRIED):
+            found.append(grid[np.argmax(explained)])
+            near = (abs(grid - found[-1]) <= [NEAR_S, NEAR_M, NEAR_M]).all(axis=1)
+            explained[near] = -np.inf
+        return np.pad(found, ((0, 0), (0, len(self.search.motion) - 1)))
+
+    def fitted(self, stones: Floats) -> tuple[Floats, float]:
+        """The stones after a fit of all their numbers, and the mean square of what they leave, of one where it is
+        noise."""
+        numbers, count = stones.shape[1], len(stones)
+        coefficients = np.tile(np.arange(numbers) >= FIRST, count)
+        kept: dict[bytes, tuple[Floats, Floats]] = {}
+
+        def both(flat: Floats) -> tuple[Floats, Floats]:
+            if flat.tobytes() not in kept:
+                kept.clear()
+                kept[flat.tobytes()] = self._of(flat.reshape(count, numbers))
+            return kept[flat.tobytes()]
+
+        low, high = self.search.edges
+        wide = np.full(numbers - FIRST, WIDEST)
+        found = least_squares(
+            lambda flat: np.r_[both(flat)[0], flat[coefficients]], stones.ravel(),
+            lambda flat: np.vstack([-both(flat)[1], np.eye(flat.size)[coefficients]]), max_nfev=EVALUATIONS,
+            bounds=(np.tile(np.r_[-GRID_S, low, -wide], count), np.tile(np.r_[self.search.latest_s, high, wide], count)),
+            x_scale=np.tile(np.r_[TIME_S, PLACE_M, PLACE_M, np.ones(numbers - FIRST)], count), ftol=1e-4)
+        return found.x.reshape(count, numbers), 2 * float(found.cost) / self.white.size
