@@ -80,14 +80,14 @@ def patch_compliance(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffnes
     """
     network = _FreeNetwork(packing, stiffness_matrix(len(packing.radius_m), bonds, modulus_Pa, stiffness_ratio,
                                                      volumetric_ratio))
-    found = []
+    loads = []
     for axis in axes:
-        weight = patch_weights(packing, axis)
         lever = (_sphere_radius_m(packing) - packing.center_m @ axis)[:, None] * axis
         directions = np.linalg.svd(axis[None])[2]  # the axis (or its opposite), and two across it
-        normal, *across = (network.compliance_m_N(weight, direction, lever) for direction in directions)
-        found.append([normal, np.mean(across)])
-    return np.array(found)
+        force = patch_weights(packing, axis)[:, None] * directions[:, None]
+        loads.append(network.balanced(force, np.cross(lever, force)))
+    normal, *across = network.compliance_m_N(np.vstack(loads)).reshape(-1, 3).T
+    return np.column_stack([normal, np.mean(across, axis=0)])
 
 
 @dataclass(frozen=True)
@@ -129,37 +129,28 @@ class _FreeNetwork:
         self._scale = dof_scale(packing)
         self._factors = self._held_factors() if len(packing.radius_m) <= MOST_FACTORED else None
 
-    def compliance_m_N(self, weight: np.ndarray, direction: np.ndarray, lever: np.ndarray) -> float:
-        """Mean displacement along `direction` of what is `lever` (n, 3), m, off the centres, for 1 N along it
-        there, shared by `weight` (n,)."""
-        force = weight[:, None] * direction
-        load = self._balanced(force, np.cross(lever, force))
-        moved, turned = np.hsplit(self._without_rigid_motion(self._solve(load.ravel()).reshape(-1, 6)), 2)
-        return float(weight @ (moved + np.cross(turned, lever)) @ direction)
+    def balanced(self, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """Loads (k, n, 6): `force` and `torque` (k, n, 3) with what the acceleration of the body takes off each
+        sub-sphere."""
+        moment = (np.cross(self._arm, force) + torque).sum(axis=1)
+        spin_up = np.linalg.solve(self._inertia, moment.T).T[:, None]
+        pull = force.sum(axis=1, keepdims=True)
+        return np.concatenate([force - self._share * (pull + np.cross(spin_up, self._arm)),
+                               torque - self._own_inertia * spin_up], axis=2)
+
+    def compliance_m_N(self, load: np.ndarray) -> np.ndarray:
+        """Of balanced loads (k, n, 6) that push with 1 N: twice the energy that each stores, as its mean displacement
+        counts from that of the body."""
+        load = load.reshape(len(load), -1)
+        if self._factors is None:
+            return np.array([one @ solve_static(self._matrix, one, self._scale, SOLVER_TOLERANCE) for one in load])
+        scaled = (self._scale * load)[:, 6:].T
+        return np.asarray((scaled * self._factors.solve(scaled)).sum(axis=0))
 
     def _held_factors(self) -> SuperLU:
         """Of the network whose first sub-sphere is held, which a balanced load does not pull at."""
         scaled = diags_array(self._scale) @ self._matrix @ diags_array(self._scale)
         return factor(scaled.tocsc()[6:, 6:])
-
-    def _solve(self, load: np.ndarray) -> np.ndarray:
-        """One of the motions (6 n,) under a balanced load."""
-        if self._factors is None:
-            return solve_static(self._matrix, load, self._scale, SOLVER_TOLERANCE)
-        return self._scale * np.append(np.zeros(6), self._factors.solve((self._scale * load)[6:]))
-
-    def _balanced(self, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        """(n, 6) `force` and `torque` (n, 3) with what the acceleration of the body takes off each sub-sphere."""
-        spin_up = np.linalg.solve(self._inertia, (np.cross(self._arm, force) + torque).sum(axis=0))
-        return np.hstack([force - self._share * (force.sum(axis=0) + np.cross(spin_up, self._arm)),
-                          torque - self._own_inertia * spin_up])
-
-    def _without_rigid_motion(self, motion: np.ndarray) -> np.ndarray:
-        moved, turned = np.hsplit(motion, 2)
-        moved = moved - self._share.T @ moved
-        momentum = self._share * np.cross(self._arm, moved) + self._own_inertia * turned
-        turn = np.linalg.solve(self._inertia, momentum.sum(axis=0))
-        return np.hstack([moved - np.cross(turn, self._arm), turned - turn])
 
 
 BEHIND = 0.5      # of its radius: the gap of a sub-sphere that lies behind a face
