@@ -14,7 +14,7 @@ from common.tables import Refused
 from plate_fem.elements.mesh import MODES_AT_MOST
 
 BLOCK = 8  # vectors that factors solve for at once, in a third of the time that one after the other takes
-CONVERGED = 1e-8  # residual of a mode over its 1/(omega^2 + shift); the error of omega^2 goes with its square
+CONVERGED = 1e-9  # residual of a mode over its 1/(omega^2 + shift); the error of omega^2 goes with its square
 
 
 @dataclass(frozen=True)
