@@ -26,8 +26,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.linalg import cholesky_banded
+from scipy.linalg.lapack import dtbtrs
 from scipy.sparse import csr_matrix, diags_array
-from scipy.sparse.linalg import SuperLU
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.spatial import cKDTree
 
 from common.files.cache import cached, key_of
@@ -35,7 +37,6 @@ from common.scene.scene import BondTable
 from dem.stones.bonds import Bonds, dof_scale, solve_static, stiffness_matrix
 from dem.stones.packing import Packing, SphereContainer
 from dem.stones.solids import Solid
-from plate_fem.solution.eigen import factor
 
 PATCH_RADIUS = 0.4      # b/R
 SURFACE_DEPTH = 0.5     # a sub-sphere is of the surface if it reaches nearer to it than this share of its own radius
@@ -144,13 +145,20 @@ class _FreeNetwork:
         load = load.reshape(len(load), -1)
         if self._factors is None:
             return np.array([one @ solve_static(self._matrix, one, self._scale, SOLVER_TOLERANCE) for one in load])
-        scaled = (self._scale * load)[:, 6:].T
-        return np.asarray((scaled * self._factors.solve(scaled)).sum(axis=0))
+        order, band = self._factors
+        half, _ = dtbtrs(band, (self._scale * load)[:, order].T, uplo="L")
+        return np.asarray((half**2).sum(axis=0))
 
-    def _held_factors(self) -> SuperLU:
-        """Of the network whose first sub-sphere is held, which a balanced load does not pull at."""
-        scaled = diags_array(self._scale) @ self._matrix @ diags_array(self._scale)
-        return factor(scaled.tocsc()[6:, 6:])
+    def _held_factors(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the network whose first sub-sphere is held, which a balanced load does not pull at: its unknowns in an
+        order that makes the matrix a band, and Cholesky's lower factor."""
+        scaled = (diags_array(self._scale) @ self._matrix @ diags_array(self._scale)).tocsr()
+        order = 6 + reverse_cuthill_mckee(scaled[6:, 6:], symmetric_mode=True)
+        entry = scaled[order][:, order].tocoo()
+        below, lower = entry.row - entry.col, entry.row >= entry.col
+        band = np.zeros((below.max() + 1, len(order)))
+        band[below[lower], entry.col[lower]] = entry.data[lower]
+        return order, cholesky_banded(band, lower=True)
 
 
 BEHIND = 0.5      # of its radius: the gap of a sub-sphere that lies behind a face
