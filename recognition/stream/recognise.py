@@ -115,11 +115,8 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
 
 
 def hear(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats, quiet_s: float) -> Hearing:
-    """The stones of channels (c, samples), as `Ear` hears them. RecognitionError for a quiet beginning that is longer
-    than they are."""
+    """The stones of channels (c, samples), as `Ear` hears them."""
     ear = Ear(plate, channels, prior, quiet_s)
-    if ear.quiet >= values.shape[1]:
-        raise RecognitionError(f"--silence {quiet_s:g}: must be from {QUIET_S:g} s to the length of the record")
     heard = [h for k in range(0, values.shape[1], ear.followed) for h in ear.hear(values[:, k:k + ear.followed])]
     heard += ear.end()
     return Hearing(heard, ear.prior, ear.plate, ear.noise, ear.checks(ear.listener.total, heard), ear.tapped,
@@ -169,8 +166,11 @@ class Ear:
         return self._listened() if self.listens else []
 
     def end(self) -> list[Heard]:
-        """Those that are left when no more will come."""
+        """Those that are left when no more will come. RecognitionError for a beginning that is longer than all."""
         if not self.listens:
+            if self.quiet >= self.values.shape[1]:
+                raise RecognitionError(f"--silence {self.quiet / RATE_Hz:g}: must be from {QUIET_S:g} s to the length "
+                                       "of the record")
             self.begins = self.values.shape[1]
             self._begin()
         return self._listened(ended=True)
