@@ -84,11 +84,14 @@ class Recognised:
 
 def channels_of(table: pd.DataFrame, plate: PlateModel, source: str) -> tuple[Channels, Floats]:
     """Which sensors a record has, and their signals (c, samples) at RATE_Hz. RecognitionError where it has none of the
-    plate's sensors, a value that is not finite, or too low a rate."""
+    plate's sensors, a value that is not finite, or too low a rate; NotRecognised for a channel that is dead or clipped,
+    which is no longer level once it is resampled."""
     rate_Hz = sample_rate_Hz(numbers(table, "t_s", source), f"{source}: t_s") if "t_s" in table.columns else np.nan
     channels, columns = sensors_of(list(table.columns), rate_Hz, plate, source)
     rate_Hz = RATE_Hz if abs(rate_Hz / RATE_Hz - 1) < RATE_SHARE else round(rate_Hz)
     records = [Record(numbers(table, name, source), rate_Hz, name=f"{source}: {name}") for name in columns]
+    names = [plate.sensor_names[k] for k in channels.accelerometers]
+    refuse_faulty(np.array([record.values for record in records[:len(names)]]), names)
     if rate_Hz != RATE_Hz:
         records = [resample(record, RATE_Hz) for record in records]
     return channels, np.array([record.values for record in records])
