@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from analysis import RecordError, Run, read_run, read_sweep
+from analysis import RecordError, Run, as_record, read_run, read_sweep
 from common.files.output_directory import is_stamped, refuse_file, stamped
 from common.files.whole import write_text
 from common.result import Result
@@ -101,11 +101,15 @@ class Pair:
 
     def curves(self) -> list[Curve]:
         """Force, and acceleration where both plates move: the impact from the fast stream where both have it, and the
-        whole record."""
+        whole record. Raises RecordError for a sample that is not finite."""
         found = []
         for column, title in (("force_N", "force on the plate, N"), ("a_m_s2", "acceleration of the plate, m/s²")):
             if column not in self.a.signals or column not in self.b.signals:
                 continue
+            for run in (self.a, self.b):
+                for name, table in (("signals", run.signals), ("fast", run.fast)):
+                    if table is not None:  # a Record refuses what is not finite
+                        as_record(table[column].to_numpy(), 1.0, name=f"{run.path}/{name}.parquet: {column}")
             if self.a.fast is not None and self.b.fast is not None:
                 found.append(_curve(title, column, self.a.fast, self.b.fast, IMPACT_s))
             found.append(_curve(title, column, self.a.signals, self.b.signals, np.inf))

@@ -178,6 +178,10 @@ def test_recognise_a_record_of_another_rate_in_g(runs, capsys):
     best = same["best"]
     assert found["best"] == best and best is not None
     assert found["methods"][best]["ratio"] == pytest.approx(same["methods"][best]["ratio"], abs=0.02)
+    table["acc_B_m_s2"] = table["acc_B_m_s2"].clip(upper=0.3 * table["acc_B_m_s2"].max())
+    table.to_csv(runs / "clipped.csv", index=False)
+    _, refused = both(capsys, [*words, str(runs / "clipped.csv"), "--resample", "--scale", "10", "--unit", "g"], 3)
+    assert "acc_B_m_s2: clipped" in refused["refused"][0]
 
 
 @pytest.mark.parametrize("record", ["clean", "dead", "foreign"])

@@ -281,6 +281,11 @@ def read_taps(path: str | Path, plate: PlateModel) -> tuple[list[Tap], Prior]:
     Raises InputError for the file, RecordError or RecognitionError for a record.
     """
     content: TapFile = check(TapFile, read_toml(path), path)
+    for k, table in enumerate(content.taps):
+        try:
+            plate.shape(*np.array(table.place_m)[:, None])
+        except RecognitionError as reason:
+            raise RecognitionError(f"{path}: taps.{k}.place_m: {reason}") from None
     taps = [_tap(Path(path).parent / table.record, table, plate, content) for table in content.taps]
     return taps, Prior(**content.prior.model_dump())
 
@@ -288,6 +293,4 @@ def read_taps(path: str | Path, plate: PlateModel) -> tuple[list[Tap], Prior]:
 def _tap(file: Path, table: TapTable, plate: PlateModel, content: TapFile) -> Tap:
     found, acceleration, rate_Hz = read_accelerations(file, plate, content.scale, content.unit)
     force = None if table.unknown_force or "force_N" not in found.columns else numbers(found, "force_N", file)
-    place = np.array(table.place_m)
-    plate.shape(*place[:, None])  # refuses a place beside the plate
-    return Tap(place, acceleration, rate_Hz, force, str(file))
+    return Tap(np.array(table.place_m), acceleration, rate_Hz, force, str(file))
