@@ -168,18 +168,6 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def write_comparison(a: Path, b: Path, out: Path | None = None) -> Path:
-    """Compare two run directories or two directories of runs, and return the page that was written.
-
-    Raises RecordError for directories that cannot be compared, InputError where this program did not write what it
-    would replace, OSError where a file cannot be read or written.
-    """
-    out = out or page_of(a, b)
-    refuse_file(str(out), is_stamped)
-    write_text(out, stamped(render(compared(a, b))))
-    return out
-
-
 @dataclass(frozen=True)
 class ComparisonResult(Result):
     """The page of two runs or sweeps."""
@@ -189,8 +177,15 @@ class ComparisonResult(Result):
 
 
 def compare(a: Path, b: Path, out: Path | None = None) -> ComparisonResult:
-    """Write the page of what differs between two runs or sweeps, as `write_comparison`."""
-    return ComparisonResult(write_comparison(a, b, out))
+    """Write the page of what differs between two run directories or two directories of runs.
+
+    Raises RecordError for directories that cannot be compared, InputError where this program did not write what it
+    would replace, OSError where a file cannot be read or written.
+    """
+    out = out or page_of(a, b)
+    refuse_file(str(out), is_stamped)
+    write_text(out, stamped(render(compared(a, b))))
+    return ComparisonResult(out)
 
 
 def page_of(a: Path, b: Path) -> Path:
