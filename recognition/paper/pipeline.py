@@ -13,7 +13,7 @@ from recognition.estimation.arrays import Floats
 from recognition.estimation.method import RecordEstimator
 from recognition.estimation.noise import noisy_copies
 from recognition.paper.fusion import Fusion
-from recognition.paper.strategy import Candidate, Strategy
+from recognition.paper.strategy import Strategy
 
 
 @dataclass
@@ -50,11 +50,7 @@ class FusionPipeline(RecordEstimator):
 
     def ratio_of(self, features: Floats) -> float:
         """By responses (m, n). Raises NotRecognised."""
-        return self.recognise(features).ratio
-
-    def recognise(self, responses: Floats) -> Candidate:
-        """Of one run, shape (m, n), with how well it is supported. Raises NotRecognised."""
-        return self.strategy.recognise(self.transform(responses))
+        return self.strategy.recognise(self.transform(features)).ratio
 
     def summary(self) -> str:
         space = self.strategy.space_
