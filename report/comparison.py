@@ -178,15 +178,10 @@ def compare(a: Path, b: Path, out: Path | None = None) -> ComparisonResult:
     Raises RecordError for directories that cannot be compared, InputError where this program did not write what it
     would replace, OSError where a file cannot be read or written.
     """
-    out = out or page_of(a, b)
+    out = out or b.parent / f"compare_{a.name}_{b.name}.html"
     refuse_file(str(out), is_stamped)
     write_text(out, stamped(render(compared(a, b))))
     return ComparisonResult(out)
-
-
-def page_of(a: Path, b: Path) -> Path:
-    """Where the page is written unless another place is named."""
-    return b.parent / f"compare_{a.name}_{b.name}.html"
 
 
 def render(comparison: Comparison) -> str:

@@ -23,8 +23,9 @@ from pydantic import ValidationError
 
 from common.files.cache import user_cache
 from common.files.output_directory import Busy, hash_of, refuse_place
+from common.files.whole import write_json
 from common.input_error import CommandError
-from common.run_summary import RunSummary, read_summary, write_summary
+from common.run_summary import RunSummary, read_summary
 from common.scene.scene import Scene, scene_hash
 from common.tables import InputError
 from dem.coupling.launch import ENGINE, check_engine, engine_error, engine_running
@@ -254,7 +255,7 @@ def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,
             if summary is None:
                 start = EngineStart(work.path / "deck", step, lock, stop_at, name_of(identity))
                 summary = _run_in(work, identity["deck"], start, prepared, show_progress)
-                write_summary(work.file("run.json"), summary)
+                write_json(work.file("run.json"), summary.as_json())
                 work.note_finished(without=_working_files(prepared))
             for name in _working_files(prepared):
                 work.remove(name)
