@@ -5,12 +5,11 @@ import pytest
 
 from analysis import read_sweep
 from common.files.whole import SEAL, seal
-from recognition import Model, RecognitionError
+from recognition import Model, RecognitionError, leave_one_out
 from recognition.__main__ import main
 from recognition.commands import RecogniseResult
 from recognition.estimation.answer import Answer
 from recognition.methods import METHODS
-from recognition.models import PreparedRuns
 from tests.analysis.synthetic import write_run, write_sweep
 
 
@@ -37,9 +36,7 @@ def test_unseen_ratios_are_recognised(model, tmp_path):
 
 def test_held_out_ratios(sweep_path):
     runs = read_sweep(sweep_path).runs
-    prepared = PreparedRuns.of(runs)
-    for k, run in enumerate(runs):
-        answers = prepared.answers_without(k)
+    for run, answers in zip(runs, leave_one_out(runs), strict=True):
         assert answers["fusion_q"].ratio == pytest.approx(run.gangue_ratio, abs=0.05)
         assert answers["energy_fusion_modified"].ratio == pytest.approx(run.gangue_ratio, abs=0.05)
 
