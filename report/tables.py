@@ -28,14 +28,6 @@ class TableSpec:
     build: Callable[[SweepResults], Cells]
     ratios: int = 1
 
-    def finished(self, results: SweepResults) -> FinishedTable:
-        """The table as the page shows it, or an empty one that says why the runs do not give it."""
-        try:
-            header, rows = self.build(results)
-        except MISSING_RESULT as reason:
-            return FinishedTable(self.key, self.title, f"Not given: {reason}", [], [])
-        return FinishedTable(self.key, self.title, self.note, header, rows)
-
 
 def table(key: str, title: str, note: str = "", ratios: int = 1) -> Callable[[Callable[..., Cells]], TableSpec]:
     """Make a table of the function below, which gives its cells."""
@@ -56,6 +48,15 @@ class FinishedTable:
     def csv(self) -> str:
         """The packed CSV of the table."""
         return pack_text(to_csv([self.header, *self.rows]))
+
+
+def finish_table(spec: TableSpec, results: SweepResults) -> FinishedTable:
+    """Build one table, or an empty one that says why the runs do not give it."""
+    try:
+        header, rows = spec.build(results)
+    except MISSING_RESULT as reason:
+        return FinishedTable(spec.key, spec.title, f"Not given: {reason}", [], [])
+    return FinishedTable(spec.key, spec.title, spec.note, header, rows)
 
 
 @table("table-1", "Elastic constants")
