@@ -12,6 +12,7 @@ import dem.run.run
 import plate_fem.__main__
 import recognition.__main__
 import report.__main__
+import report.page
 from common.files.output_directory import (
     Busy,
     at_work_in,
@@ -26,7 +27,6 @@ from common.files.output_directory import (
 from common.tables import InputError
 from dem.__main__ import main
 from dem.run.run import RunError
-from report.page import write_report
 from tests.analysis.synthetic import write_sweep
 from tests.robustness.small import HERTZ, SCENES
 
@@ -356,11 +356,11 @@ def test_a_report_is_written_over_a_report_only(tmp_path):
     for mine in ("mine", head, stamped(head, "# {}").replace("where", "where?")):
         (sweep / "claims.csv").write_text(mine)
         with pytest.raises(InputError, match="claims.csv"):
-            write_report(sweep)
+            report.page.report(sweep)
         assert (sweep / "claims.csv").read_text() == mine and not (sweep / "report.html").exists()
     (sweep / "claims.csv").write_text(stamped(head, "# {}"))
-    write_report(sweep)
-    write_report(sweep)
+    report.page.report(sweep)
+    report.page.report(sweep)
     assert is_stamped((sweep / "claims.csv").read_bytes())
 
 
