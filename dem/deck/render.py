@@ -7,6 +7,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +129,7 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
     return digest.hexdigest()[:16]
 
 
+@cache
 def template(name: str) -> jinja2.Template:
     """One of those of decks."""
     return jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined,

@@ -121,10 +121,10 @@ def test_a_terminal_shows_the_ratio_over_its_interval():
 
 def test_another_plate_is_said_within_three_seconds(drawing, names, capsys):
     here, values, _ = drawing
-    content = sent(values, {"rate_Hz": RATE_2_Hz, "channels": names[2:] + names[:2]})
-    code, events, _ = piped(capsys, here, content, "--watch")
+    swapped = {"rate_Hz": RATE_2_Hz, "channels": names[2:] + names[:2]}
+    code, events, _ = piped(capsys, here, sent(values[:, :round(RATE_2_Hz)], swapped), "--watch")
     assert code == 3 and [one["event"] for one in events] == ["NOT EXPLAINED"]
-    code, events, _ = piped(capsys, here, content)
+    code, events, _ = piped(capsys, here, sent(values, swapped))
     assert code == 3 and events[-1]["event"] == "NOT EXPLAINED"
     assert next(one for one in events if one["event"] == "refused")["t_s"] < 3
     assert "ratio" not in {one["event"] for one in events}

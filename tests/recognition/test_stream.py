@@ -307,7 +307,7 @@ def test_times_are_those_of_the_centres(heard):
 def test_bad_input_of_the_command(plate, tmp_path, capsys, change, options, said):
     table = pd.DataFrame({"t_s": np.arange(4000) / RATE_Hz, "acc_north_m_s2": np.sin(np.arange(4000.0))})
     change(table).to_parquet(tmp_path / "record.parquet")
-    plate.save(tmp_path / "plate.json")
+    plate.below(400.0).save(tmp_path / "plate.json")
     words = ["listen", str(tmp_path / "record.parquet"), "--plate", str(tmp_path / "plate.json"), "--out",
              str(tmp_path / "out"), "--radius", "0.025", "0.025", "--speed", "2", "4", *options]
     assert main(words) == 2
