@@ -13,7 +13,6 @@ from analysis.signals.hilbert import (
     instantaneous as instantaneous,
     marginal_spectrum as marginal_spectrum,
 )
-from analysis.signals.pictures import plot_hilbert as plot_hilbert, plot_spectrogram as plot_spectrogram
 from analysis.signals.records import Record as Record, RecordError as RecordError, as_record as as_record
 from analysis.signals.resampling import resample as resample
 from analysis.sweep.runs import Run as Run, Sweep as Sweep, read_run as read_run, read_sweep as read_sweep

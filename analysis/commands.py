@@ -9,20 +9,25 @@ from analysis.files.readers import read_record
 from analysis.signals.features import Feature, signal_features
 from common.result import Result
 
+MOST_ENERGY = 2.0  # of IMFs over that of the record; what holds more are splines that overshoot where it is quiet
+
 
 @dataclass(frozen=True)
 class FeaturesResult(Result):
-    """Time-frequency parameters of a record by their names."""
+    """Time-frequency parameters of a record by their names. left_out: why those of its IMFs are not among them."""
 
     record: str
     rate_Hz: float
     samples: int
     features: Mapping[str, Feature]
+    left_out: str | None = None
 
     def words(self) -> Iterator[str]:
         yield f"{'name':<28} {'value':>14}  unit"
         for feature in self.features.values():
             yield f"{feature.name:<28} {feature.value:>14.6g}  {feature.unit}"
+        if self.left_out:
+            yield f"left out: {self.left_out}"
 
 
 def features(file: str, column: str | None = None, rate_Hz: float | None = None, scale: float = 1.0,
@@ -35,5 +40,11 @@ def features(file: str, column: str | None = None, rate_Hz: float | None = None,
         from analysis.signals.resampling import resample  # late: it takes longer than all else
 
         record = resample(record, resample_Hz, anti_alias=anti_alias)
-    found = {feature.name: feature for feature in signal_features(record).values()}
-    return FeaturesResult(record.name, float(record.rate_Hz), record.values.size, found)
+    found, rate_Hz, samples = signal_features(record), float(record.rate_Hz), record.values.size
+    held = sum(f.value for name, f in found.items() if name.startswith("imf_") and name.endswith("_energy"))
+    left_out, times = None, held * rate_Hz / (samples * found["variance"].value)
+    if times > MOST_ENERGY:
+        left_out = (f"{record.name}: IMFs and their spectrum: they would hold {times:.3g} times the record's energy, "
+                    f"where at most {MOST_ENERGY:g} are allowed; take a part without quiet")
+        found = {name: f for name, f in found.items() if not name.startswith(("imf_", "marginal_"))}
+    return FeaturesResult(record.name, rate_Hz, samples, found, left_out)

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from common.files.whole import read_json, write_json
+from common.files.whole import read_json
 from common.scene.plate import Edge
 from common.scene.stones import Kind
 from common.tables import check
@@ -170,8 +170,3 @@ def read_summary(file: Path) -> RunSummary | None:
     """Read a run.json; None if there is no such file. Raises InputError as `summary_from`."""
     content = read_json(file)
     return None if content is None else summary_from(content, file)
-
-
-def write_summary(file: Path, summary: RunSummary) -> None:
-    """Write a run.json whole or not at all."""
-    write_json(file, summary.as_json())

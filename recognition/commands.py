@@ -99,10 +99,11 @@ def recognise(record: str, model: str, plate: str | None = None, resample: bool 
     if plate is not None:
         known = known.on_plate(PlateModel.load(Path(plate)))
     table, source = record_table(record, scale, unit)
+    resampled = table
     if resample and "t_s" in table:
-        table = at_rate(table, known.window.rate_Hz, source, known.window.anti_alias)
-    answers = known.recognise(table, source)
-    if faults := known.faults(table):
+        resampled = at_rate(table, known.window.rate_Hz, source, known.window.anti_alias)
+    answers = known.recognise(resampled, source)
+    if faults := known.faults(table):  # resampled, what is clipped is no longer level
         return RecogniseResult(source, None, {}, refused=tuple(faults))
     if vetoes := known.vetoes(answers):
         return RecogniseResult(source, None, {}, out_of_distribution=vetoes)

@@ -4,7 +4,7 @@ curves."""
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from analysis import RecordError, Run, read_run, read_sweep
+from analysis import RecordError, Run, as_record, read_run, read_sweep
+from analysis.sweep.run_table import dotted
 from common.files.output_directory import is_stamped, refuse_file, stamped
 from common.files.whole import write_text
 from common.result import Result
@@ -80,7 +81,7 @@ class Pair:
 
     def scene_rows(self) -> list[Row]:
         """The keys of scene and versions that differ, dotted; None where a side lacks one."""
-        sides = [dict(_flat(run.info.get("scene", {}))) | dict(_flat(run.info.get("versions") or {}, "versions"))
+        sides = [_values(run.info.get("scene", {})) | _values(run.info.get("versions") or {}, "versions.")
                  for run in (self.a, self.b)]
         return [Row(key, sides[0].get(key), sides[1].get(key)) for key in {**sides[0], **sides[1]}
                 if sides[0].get(key) != sides[1].get(key)]
@@ -89,23 +90,26 @@ class Pair:
         """The rows of each table of GROUPS, those that only one side has included."""
         found = {}
         for title, keys in GROUPS.items():
-            sides = [dict(pair for key in keys for pair in _flat_numbers(run.info.get(key), key))
-                     for run in (self.a, self.b)]
+            sides = [_numbers({key: run.info.get(key) for key in keys}) for run in (self.a, self.b)]
             found[title] = [Row(key, sides[0].get(key), sides[1].get(key)) for key in {**sides[0], **sides[1]}]
         return found
 
     def number(self, key: str) -> Row:
         """One of MAIN_NUMBERS."""
-        values = [dict(_flat_numbers(run.info)).get(key) for run in (self.a, self.b)]
+        values = [_numbers(run.info).get(key) for run in (self.a, self.b)]
         return Row(key, *values)
 
     def curves(self) -> list[Curve]:
         """Force, and acceleration where both plates move: the impact from the fast stream where both have it, and the
-        whole record."""
+        whole record. Raises RecordError for a sample that is not finite."""
         found = []
         for column, title in (("force_N", "force on the plate, N"), ("a_m_s2", "acceleration of the plate, m/s²")):
             if column not in self.a.signals or column not in self.b.signals:
                 continue
+            for run in (self.a, self.b):
+                for name, table in (("signals", run.signals), ("fast", run.fast)):
+                    if table is not None:  # a Record refuses what is not finite
+                        as_record(table[column].to_numpy(), 1.0, name=f"{run.path}/{name}.parquet: {column}")
             if self.a.fast is not None and self.b.fast is not None:
                 found.append(_curve(title, column, self.a.fast, self.b.fast, IMPACT_s))
             found.append(_curve(title, column, self.a.signals, self.b.signals, np.inf))
@@ -151,33 +155,17 @@ def _curve(title: str, column: str, a: pd.DataFrame, b: pd.DataFrame, until_s: f
     return Curve(title, times[0][here], a[column].to_numpy(dtype=float)[here], of_b)
 
 
-def _flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted keys of nested tables; a list is one value, as text."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from _flat(inner, f"{key}.{name}" if key else name)
-    else:
-        yield key, json.dumps(value) if isinstance(value, list) else value
+def _values(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+    """By dotted key; a list is one value, as text."""
+    return {key: json.dumps(value) if isinstance(value, list) else value for key, value in dotted(table, above)}
 
 
-def _flat_numbers(value: Any, key: str = "") -> Iterator[tuple[str, float]]:
-    return ((name, found) for name, found in _flat(value, key) if _is_number(found))
+def _numbers(table: Mapping[str, Any]) -> dict[str, float]:
+    return {key: value for key, value in dotted(table) if _is_number(value)}
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
-def write_comparison(a: Path, b: Path, out: Path | None = None) -> Path:
-    """Compare two run directories or two directories of runs, and return the page that was written.
-
-    Raises RecordError for directories that cannot be compared, InputError where this program did not write what it
-    would replace, OSError where a file cannot be read or written.
-    """
-    out = out or page_of(a, b)
-    refuse_file(str(out), is_stamped)
-    write_text(out, stamped(render(compared(a, b))))
-    return out
 
 
 @dataclass(frozen=True)
@@ -189,13 +177,15 @@ class ComparisonResult(Result):
 
 
 def compare(a: Path, b: Path, out: Path | None = None) -> ComparisonResult:
-    """Write the page of what differs between two runs or sweeps, as `write_comparison`."""
-    return ComparisonResult(write_comparison(a, b, out))
+    """Write the page of what differs between two run directories or two directories of runs.
 
-
-def page_of(a: Path, b: Path) -> Path:
-    """Where the page is written unless another place is named."""
-    return b.parent / f"compare_{a.name}_{b.name}.html"
+    Raises RecordError for directories that cannot be compared, InputError where this program did not write what it
+    would replace, OSError where a file cannot be read or written.
+    """
+    out = out or b.parent / f"compare_{a.name}_{b.name}.html"
+    refuse_file(str(out), is_stamped)
+    write_text(out, stamped(render(compared(a, b))))
+    return ComparisonResult(out)
 
 
 def render(comparison: Comparison) -> str:

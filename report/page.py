@@ -118,6 +118,8 @@ CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
     ("Theory", THEORY_FIGURES, [tables.materials]),
 ]
 
+STATEMENTS = [THEORY_STATEMENTS, BREAKAGE_STATEMENTS, RESPONSE_STATEMENTS, SIGNAL_STATEMENTS, RECOGNITION_STATEMENTS]
+
 #: What is no physics of a scene: the paper's statements hold for it with any of these.
 NO_PHYSICS = {"stones": ("gangue_ratio", "seed"), "plate": ("sensors", "max_frequency_Hz")}
 
@@ -176,14 +178,22 @@ class Content:
     claims: list[Claim] = field(default_factory=list)
 
 
-def write_report(directory: str | Path) -> Path:
+@dataclass(frozen=True)
+class ReportResult(Result):
+    """The page of a directory of runs."""
+
+    line = "report written to {report}"
+    report: Path
+
+
+def report(directory: str | Path) -> ReportResult:
     """Write report.html into a run directory or a directory of runs, and of the paper's scene claims.csv beside it,
     each whole or not at all.
 
-    Returns the path of the report. Raises RecordError or RecognitionError, with a message of one line, where the runs
-    cannot be used, and OSError where the files cannot be written.
+    Raises RecordError or RecognitionError, with a message of one line, where the runs cannot be used, and OSError where
+    the files cannot be written.
 
-    >>> write_report("runs/paper/ratio_030").name
+    >>> report("runs/paper/ratio_030").report.name
     'report.html'
     """
     directory = Path(directory)
@@ -198,20 +208,7 @@ def write_report(directory: str | Path) -> Path:
     if (listed := listed_files(directory, "run")) is not None:  # a run may be replaced with what belongs to it
         own = {one.name: hash_of(one) for one in (file, claims) if one.is_file()}
         write_contents(directory, "run", listed | own)
-    return file
-
-
-@dataclass(frozen=True)
-class ReportResult(Result):
-    """The page of a directory of runs."""
-
-    line = "report written to {report}"
-    report: Path
-
-
-def report(directory: str) -> ReportResult:
-    """Write the report of a run or of a directory of runs, as `write_report`."""
-    return ReportResult(write_report(directory))
+    return ReportResult(file)
 
 
 def _of_impacts(results: SweepResults) -> Content:
@@ -227,7 +224,7 @@ def _of_impacts(results: SweepResults) -> Content:
 
         chapters.append(("Recognition", RECOGNITION_FIGURES, RECOGNITION_TABLES))
     if ratios >= LEAST_TREND and are_papers(runs):
-        from report.page import STATEMENTS as statements
+        statements = STATEMENTS
         chapters.append(("With stones that vary", [], [variation.varying]))
     of_chapters: list[FigureSpec | TableSpec] = []
     for _, figures, of_chapter in chapters:
@@ -392,6 +389,3 @@ def _with_value(line: str, scene: dict[str, Any]) -> str:
             return line
         value = value[key]
     return line if isinstance(value, (dict, list)) else f"{line} = {value}"
-
-
-STATEMENTS = [THEORY_STATEMENTS, BREAKAGE_STATEMENTS, RESPONSE_STATEMENTS, SIGNAL_STATEMENTS, RECOGNITION_STATEMENTS]

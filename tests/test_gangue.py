@@ -140,16 +140,18 @@ def test_a_closed_pipe_and_a_full_disk_give_no_traceback(words):
         assert (done.returncode, done.stderr) == (code, said)
 
 
-def test_a_quiet_sweep_and_its_json(tmp_path):
+def test_a_quiet_sweep_and_its_json(tmp_path, capfd):
     """Hertz gives the peak forces (docs/validation.md); not a word but the result."""
     words = ["sweep", "scenes/hertz_coal.toml", "--out", str(tmp_path / "out"), "--quiet"]
     done = program("--json", *words)
     assert (done.returncode, done.stderr) == (0, "")
     runs = json.loads(done.stdout)["runs"]
     assert [run["peak_force_N"] for run in runs] == pytest.approx([4261.6, 7646.3], rel=1e-3)
-    again, told = program("--json", *words[:-1]), program(*words[:-1])
-    assert json.loads(again.stdout)["runs"] == runs and "2 ratios, 0 to run" in again.stderr
-    first, *lines, last = told.stdout.splitlines()
+    assert main(["--json", *words[:-1]]) == 0
+    again = capfd.readouterr()
+    assert json.loads(again.out)["runs"] == runs and "2 ratios, 0 to run" in again.err
+    assert main(words[:-1]) == 0
+    first, *lines, last = capfd.readouterr().out.splitlines()
     assert first.endswith("2 ratios, 0 to run") and last.endswith("2 of 2 ratios finished")
     for line, run in zip(lines, runs, strict=True):
         assert f"peak force {run['peak_force_N']:9.1f} N, {run['n_bonds_broken']} of" in line

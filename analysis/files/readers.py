@@ -104,7 +104,7 @@ def read_record(
     (in a text table without names, a WAV, FLAC or UFF file). Without it the signal is `a_m_s2` where there is one, else
     the only one.
     time: name of the column of times; without it the one that is called so in one of several languages, in s or in the
-    unit in brackets behind its name. rate_Hz: needed where the file has neither a rate nor times.
+    unit behind its name, in brackets or after "_". rate_Hz: needed where the file has neither a rate nor times.
     scale: factor on the samples, the calibration of a sensor. unit: that of the scaled samples.
     Raises RecordError, one line, if the file cannot be read or leaves the signal or its rate open.
 
@@ -312,8 +312,9 @@ def _refuse(source: str, what: str, names: list[str]) -> str:
 
 
 def _seconds(name: str, times: np.ndarray, source: str) -> np.ndarray:
-    """Times in s by the unit in brackets behind their name, s where there is none."""
-    unit = name_and_unit(name)[1] or "s"
+    """Times in s by the unit behind their name, in brackets or after "_", s where there is none."""
+    last = name.rpartition("_")[2]
+    unit = name_and_unit(name)[1] or (last if last in SECONDS else "s")
     if unit not in SECONDS:
         raise RecordError(f"{source}: times {name!r} in {unit!r}; allowed are {', '.join(SECONDS)}")
     return SECONDS[unit] * times

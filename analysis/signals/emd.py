@@ -35,7 +35,7 @@ MOST_IMFS = 12
 class Decomposition:
     """The m IMFs (m, n) of a record, finest first, and the residue (n,), in the unit of the record.
 
-    Their sum is the record. `extrema` names how PyEMD took the extrema, "parabol" or "simple".
+    Their sum is the record.
 
     >>> found = decompose(Record(np.sin(np.arange(400.0)) + 0.01 * np.arange(400.0), rate_Hz=1000.0))
     >>> bool(np.allclose(found.imfs.sum(axis=0) + found.residue, found.record.values))
@@ -46,7 +46,6 @@ class Decomposition:
     residue: np.ndarray
     record: Record
     rule: str
-    extrema: str
 
     @property
     def energies(self) -> np.ndarray:
@@ -76,4 +75,4 @@ def decompose(record: Record, rule: str = DEFAULT_RULE) -> Decomposition:
     emd.emd((record.values - offset) / scale, max_imf=MOST_IMFS)
     imfs, residue = emd.get_imfs_and_residue()
     imfs = np.asarray(imfs).reshape(-1, record.values.size)
-    return Decomposition(imfs * scale, np.asarray(residue) * scale + offset, record, rule, extrema)
+    return Decomposition(imfs * scale, np.asarray(residue) * scale + offset, record, rule)

@@ -60,7 +60,14 @@ dgtsv = _without_its_package("scipy.linalg", "_flapack").dgtsv
 
 
 class LeanEMD(EMD):  # type: ignore[misc, valid-type]
-    """PyEMD with `not_a_knot` for its cubic splines of four points and more."""
+    """PyEMD with `not_a_knot` for its cubic splines of four points and more, and one extremum where it finds two at
+    one time: at either end of equal samples."""
+
+    def find_extrema(self, T: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return times and values of the maxima, the same of the minima, and the zero crossings."""
+        top_t, top, bottom_t, bottom, zeros = super().find_extrema(T, S)
+        tops, bottoms = (np.diff(t, prepend=-np.inf) > 0.5 * (T[1] - T[0]) for t in (top_t, bottom_t))
+        return top_t[tops], top[tops], bottom_t[bottoms], bottom[bottoms], zeros
 
     def spline_points(self, T: np.ndarray, extrema: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the times of T between the extrema (2, n), times and values, and the spline through these there."""

@@ -74,7 +74,8 @@ def run_table(directory: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
             passed_over.append(f"{file.parent}: not finished")
             continue
         content = summary.as_json()
-        scenes.append(dict(_flat(content.get("scene", {}))))
+        scenes.append({key: inline_toml(value) if isinstance(value, list) else value
+                       for key, value in dotted(content.get("scene", {})) if value is not None})
         results.append({"run": file.parent.relative_to(directory).as_posix(), "gangue_ratio": summary.gangue_ratio,
                         **{name: content.get(name) for name in RESULTS},
                         "energy_closure": (summary.energy or {}).get("closure"), **(summary.plate or {}),
@@ -95,10 +96,10 @@ def stone_table(runs: pd.DataFrame, directory: Path) -> pd.DataFrame:
     return found[["run", *found.columns.drop("run")]]
 
 
-def _flat(scene: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    """The values of a scene by dotted key, a list in TOML."""
-    for name, value in scene.items():
+def dotted(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """The values of nested tables by dotted key."""
+    for name, value in table.items():
         if isinstance(value, Mapping):
-            yield from _flat(value, f"{above}{name}.")
-        elif value is not None:
-            yield above + name, inline_toml(value) if isinstance(value, list) else value
+            yield from dotted(value, f"{above}{name}.")
+        else:
+            yield above + name, value

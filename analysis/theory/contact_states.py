@@ -195,6 +195,8 @@ def setup_of(run: Run) -> Setup:
         raise RecordError(f"{run.path}/run.json: scene.plate.rods stand on one line; needs a length and a width "
                           "between them for the theory")
     count = _given(run, "stones.count", stones.count)
+    if stones.speed_m_s == 0:
+        raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = 0; needs an impact for the theory")
     return Setup(
         places_m=places_of(run),
         radius_m=_given(run, "stones.radius_m", stones.radius_m),

@@ -59,8 +59,8 @@ class CampaignRun:
     np: int
 
 
-def plan_campaign(file: Path) -> tuple[Path, list[CampaignRun]]:
-    """Return the scene's file and every run of a campaign, all checked. Raises InputError."""
+def plan_campaign(file: Path) -> list[CampaignRun]:
+    """Return every run of a campaign, all checked. Raises InputError."""
     table = check(CampaignPlan, read_toml(file), file)
     scene_file = file.parent / table.scene
     for key, values in table.vary.items():
@@ -81,7 +81,7 @@ def plan_campaign(file: Path) -> tuple[Path, list[CampaignRun]]:
         if directory not in seen:  # a value given twice
             runs.append(CampaignRun(str(scene_file.resolve()), directory, changes, scene.ranks))
         seen.add(directory)
-    return scene_file, runs
+    return runs
 
 
 def write_campaign_runs(runs: list[CampaignRun], out: Path) -> None:
@@ -113,7 +113,7 @@ def campaign(file: Path, out: Path, jobs: int, profile: str | None = None) -> Ba
     if find_spec("snakemake") is None:
         raise InputError("snakemake is not installed; `make campaign` or pip install '.[campaign]' does it")
     check_engine()
-    _, runs = plan_campaign(file)
+    runs = plan_campaign(file)
     with at_work_in(out, "campaign"):
         write_campaign_runs(runs, out)
         _log.info("%s: %d runs, %d to run", file, len(runs), len(_missing(out, runs)))

@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import hashlib
 import math
-import zlib
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import jinja2
 import numpy as np
+from isal import isal_zlib
 
 from common.files.whole import named
 from common.resources import resource
@@ -128,6 +129,7 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
     return digest.hexdigest()[:16]
 
 
+@cache
 def template(name: str) -> jinja2.Template:
     """One of those of decks."""
     return jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined,
@@ -307,7 +309,7 @@ def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
     cell = max(np.diff(modes.lines_x_m).max(), np.diff(modes.lines_y_m).max())
     x, y, _ = next(modes.parts()).grid(SHAPE_GRID * cell)
     directions = 3 if with_lateral and len(modes.lateral) else 1
-    packer = zlib.compressobj(1)
+    packer = isal_zlib.compressobj(3)
     with open(file, "wb") as out:
         out.write(b"shapes 2")
         np.array([len(x), len(y), directions, len(modes.frequency_Hz)], dtype="<i8").tofile(out)

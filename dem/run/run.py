@@ -23,9 +23,10 @@ from pydantic import ValidationError
 
 from common.files.cache import user_cache
 from common.files.output_directory import Busy, hash_of, refuse_place
+from common.files.whole import write_json
 from common.input_error import CommandError
-from common.run_summary import RunSummary, read_summary, write_summary
-from common.scene.scene import Scene, read_scene, scene_hash
+from common.run_summary import RunSummary, read_summary
+from common.scene.scene import Scene, scene_hash
 from common.tables import InputError
 from dem.coupling.launch import ENGINE, check_engine, engine_error, engine_running
 from dem.coupling.pipes import STOPPED, CouplingError, EngineWatchdog
@@ -194,17 +195,12 @@ class Stopped(CommandError, RuntimeError):
 LEAST_FREE_BYTES = 1 << 16
 
 
-def run(scene_file: str | Path, out: Path, gangue_ratio: float | None = None,
-        show_progress: bool = True) -> dict[str, Any]:
-    """Run a scene file, see `run_scene`; `gangue_ratio` (0..1) replaces the scene's own."""
-    return run_scene(read_scene(scene_file, gangue_ratio), str(scene_file), out, show_progress)
-
-
 def resume(directory: Path, show_progress: bool = True, walltime_s: float | None = None) -> dict[str, Any]:
     """Go on with the run that was to become `directory` (its name, or that with .partial), see `run_scene`. A run that
     is finished is left alone. Raises InputError if there is nothing to go on with.
 
-    >>> first = run("scenes/hertz_coal.toml", Path("runs/once"), show_progress=False)
+    >>> from common.scene.scene import read_scene
+    >>> first = run_scene(read_scene("scenes/hertz_coal.toml"), "scenes/hertz_coal.toml", Path("runs/once"))
     >>> resume(Path("runs/once")) == first
     True
     """
@@ -259,7 +255,7 @@ def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,
             if summary is None:
                 start = EngineStart(work.path / "deck", step, lock, stop_at, name_of(identity))
                 summary = _run_in(work, identity["deck"], start, prepared, show_progress)
-                write_summary(work.file("run.json"), summary)
+                write_json(work.file("run.json"), summary.as_json())
                 work.note_finished(without=_working_files(prepared))
             for name in _working_files(prepared):
                 work.remove(name)

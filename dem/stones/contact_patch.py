@@ -26,8 +26,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.linalg import cholesky_banded
+from scipy.linalg.lapack import dtbtrs
 from scipy.sparse import csr_matrix, diags_array
-from scipy.sparse.linalg import SuperLU
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.spatial import cKDTree
 
 from common.files.cache import cached, key_of
@@ -35,7 +37,6 @@ from common.scene.scene import BondTable
 from dem.stones.bonds import Bonds, dof_scale, solve_static, stiffness_matrix
 from dem.stones.packing import Packing, SphereContainer
 from dem.stones.solids import Solid
-from plate_fem.solution.eigen import factor
 
 PATCH_RADIUS = 0.4      # b/R
 SURFACE_DEPTH = 0.5     # a sub-sphere is of the surface if it reaches nearer to it than this share of its own radius
@@ -80,14 +81,14 @@ def patch_compliance(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffnes
     """
     network = _FreeNetwork(packing, stiffness_matrix(len(packing.radius_m), bonds, modulus_Pa, stiffness_ratio,
                                                      volumetric_ratio))
-    found = []
+    loads = []
     for axis in axes:
-        weight = patch_weights(packing, axis)
         lever = (_sphere_radius_m(packing) - packing.center_m @ axis)[:, None] * axis
         directions = np.linalg.svd(axis[None])[2]  # the axis (or its opposite), and two across it
-        normal, *across = (network.compliance_m_N(weight, direction, lever) for direction in directions)
-        found.append([normal, np.mean(across)])
-    return np.array(found)
+        force = patch_weights(packing, axis)[:, None] * directions[:, None]
+        loads.append(network.balanced(force, np.cross(lever, force)))
+    normal, *across = network.compliance_m_N(np.vstack(loads)).reshape(-1, 3).T
+    return np.column_stack([normal, np.mean(across, axis=0)])
 
 
 @dataclass(frozen=True)
@@ -129,37 +130,35 @@ class _FreeNetwork:
         self._scale = dof_scale(packing)
         self._factors = self._held_factors() if len(packing.radius_m) <= MOST_FACTORED else None
 
-    def compliance_m_N(self, weight: np.ndarray, direction: np.ndarray, lever: np.ndarray) -> float:
-        """Mean displacement along `direction` of what is `lever` (n, 3), m, off the centres, for 1 N along it
-        there, shared by `weight` (n,)."""
-        force = weight[:, None] * direction
-        load = self._balanced(force, np.cross(lever, force))
-        moved, turned = np.hsplit(self._without_rigid_motion(self._solve(load.ravel()).reshape(-1, 6)), 2)
-        return float(weight @ (moved + np.cross(turned, lever)) @ direction)
+    def balanced(self, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """Loads (k, n, 6): `force` and `torque` (k, n, 3) with what the acceleration of the body takes off each
+        sub-sphere."""
+        moment = (np.cross(self._arm, force) + torque).sum(axis=1)
+        spin_up = np.linalg.solve(self._inertia, moment.T).T[:, None]
+        pull = force.sum(axis=1, keepdims=True)
+        return np.concatenate([force - self._share * (pull + np.cross(spin_up, self._arm)),
+                               torque - self._own_inertia * spin_up], axis=2)
 
-    def _held_factors(self) -> SuperLU:
-        """Of the network whose first sub-sphere is held, which a balanced load does not pull at."""
-        scaled = diags_array(self._scale) @ self._matrix @ diags_array(self._scale)
-        return factor(scaled.tocsc()[6:, 6:])
-
-    def _solve(self, load: np.ndarray) -> np.ndarray:
-        """One of the motions (6 n,) under a balanced load."""
+    def compliance_m_N(self, load: np.ndarray) -> np.ndarray:
+        """Of balanced loads (k, n, 6) that push with 1 N: twice the energy that each stores, as its mean displacement
+        counts from that of the body."""
+        load = load.reshape(len(load), -1)
         if self._factors is None:
-            return solve_static(self._matrix, load, self._scale, SOLVER_TOLERANCE)
-        return self._scale * np.append(np.zeros(6), self._factors.solve((self._scale * load)[6:]))
+            return np.array([one @ solve_static(self._matrix, one, self._scale, SOLVER_TOLERANCE) for one in load])
+        order, band = self._factors
+        half, _ = dtbtrs(band, (self._scale * load)[:, order].T, uplo="L")
+        return np.asarray((half**2).sum(axis=0))
 
-    def _balanced(self, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        """(n, 6) `force` and `torque` (n, 3) with what the acceleration of the body takes off each sub-sphere."""
-        spin_up = np.linalg.solve(self._inertia, (np.cross(self._arm, force) + torque).sum(axis=0))
-        return np.hstack([force - self._share * (force.sum(axis=0) + np.cross(spin_up, self._arm)),
-                          torque - self._own_inertia * spin_up])
-
-    def _without_rigid_motion(self, motion: np.ndarray) -> np.ndarray:
-        moved, turned = np.hsplit(motion, 2)
-        moved = moved - self._share.T @ moved
-        momentum = self._share * np.cross(self._arm, moved) + self._own_inertia * turned
-        turn = np.linalg.solve(self._inertia, momentum.sum(axis=0))
-        return np.hstack([moved - np.cross(turn, self._arm), turned - turn])
+    def _held_factors(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the network whose first sub-sphere is held, which a balanced load does not pull at: its unknowns in an
+        order that makes the matrix a band, and Cholesky's lower factor."""
+        scaled = (diags_array(self._scale) @ self._matrix @ diags_array(self._scale)).tocsr()
+        order = 6 + reverse_cuthill_mckee(scaled[6:, 6:], symmetric_mode=True)
+        entry = scaled[order][:, order].tocoo()
+        below, lower = entry.row - entry.col, entry.row >= entry.col
+        band = np.zeros((below.max() + 1, len(order)))
+        band[below[lower], entry.col[lower]] = entry.data[lower]
+        return order, cholesky_banded(band, lower=True)
 
 
 BEHIND = 0.5      # of its radius: the gap of a sub-sphere that lies behind a face

@@ -27,7 +27,6 @@ CHANNELS = {
     "accelerometers": (f"{ACCELEROMETERS}*",),
     "rods": (f"{RODS}*",),
     "plate": (f"{ACCELEROMETERS}*", f"[{RODS}*]"),  # sensors that a plate can have
-    "all": ("v_m_s", "a_m_s2", f"{ACCELEROMETERS}*", f"{RODS}*"),
 }
 
 

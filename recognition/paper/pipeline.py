@@ -13,17 +13,7 @@ from recognition.estimation.arrays import Floats
 from recognition.estimation.method import RecordEstimator
 from recognition.estimation.noise import noisy_copies
 from recognition.paper.fusion import Fusion
-from recognition.paper.strategy import Candidate, Rule, Strategy
-
-
-def as_published() -> Strategy:
-    """The strategy as the paper gives it: degree by R^2 >= 0.99, a mean over whatever points are usable."""
-    return Strategy(Rule(min_r2=0.99), least_share=0.0, judge="mean")
-
-
-def modified() -> Strategy:
-    """Every degree 2, since R^2 > 0.99 lets straight lines through a bent law; every moment counts."""
-    return Strategy(Rule(degree=2), least_share=0.5, judge="truncated")
+from recognition.paper.strategy import Strategy
 
 
 @dataclass
@@ -60,11 +50,7 @@ class FusionPipeline(RecordEstimator):
 
     def ratio_of(self, features: Floats) -> float:
         """By responses (m, n). Raises NotRecognised."""
-        return self.recognise(features).ratio
-
-    def recognise(self, responses: Floats) -> Candidate:
-        """Of one run, shape (m, n), with how well it is supported. Raises NotRecognised."""
-        return self.strategy.recognise(self.transform(responses))
+        return self.strategy.recognise(self.transform(features)).ratio
 
     def summary(self) -> str:
         space = self.strategy.space_

@@ -202,17 +202,13 @@ def _scatter_by_damping(coal: Floats, gangue: Floats) -> Floats:
     return np.concatenate([middle, (gangue - coal) / 2], axis=2)
 
 
-def force_bins(record: ForceRecord) -> Floats:
-    """Hat functions (steps, bins) over the first FORCE_S of a force record."""
-    return _bins(*_bin_size(record))
-
-
 def _bin_size(record: ForceRecord) -> tuple[int, int]:
     """Steps of a bin and of all bins."""
     return _steps_per_bin(record), min(round(FORCE_S / record.step_s), record.force_N.shape[1])
 
 
 def _bins(width: int, steps: int) -> Floats:
+    """Hat functions (steps, bins) over the first FORCE_S of a force record."""
     return hats(width, steps, steps // width - 1)
 
 
@@ -266,7 +262,7 @@ def _hat_response(statistics: ForceStatistics, record: ForceRecord, moved_m: tup
     """Responses (channels, steps, stones) to a force in the first bin on each place, each channel in shares of its
     scale. The plate does not change with time: the other bins' are the same, later."""
     damping_ratio = statistics.damping_ratio[0] if damping_ratio is None else damping_ratio
-    response = pulse_force_response(record, force_bins(record)[:, 0], damping_ratio, moved_m)
+    response = pulse_force_response(record, _bins(*_bin_size(record))[:, 0], damping_ratio, moved_m)
     late = np.round(record.fall.arrival_s / record.step_s).astype(int)
     shifted = [np.pad(response[:, :, k], ((0, 0), (n, 0)))[:, :response.shape[1]] for k, n in enumerate(late)]
     return np.stack(shifted, axis=2) / statistics.scale[:, None, None]

@@ -16,7 +16,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from common.result import Result
 from recognition.estimation.arrays import Floats
-from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import BENDS, read_accelerations
 from recognition.sensors.free_ringing import Ringing, ringing_of
@@ -50,11 +50,6 @@ class ChannelReport:
     ringing: Ringing | None
     told: tuple[str, ...]
     refused: tuple[str, ...]
-
-    def check(self) -> None:
-        """Raises NotRecognised, with its reasons on one line, for a record that is refused."""
-        if self.refused:
-            raise NotRecognised("; ".join(self.refused))
 
 
 def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> ChannelReport:

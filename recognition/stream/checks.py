@@ -39,7 +39,7 @@ class Checks:
         found = [(f"{self.unexplained:.0%} of what happened is unexplained", self.unexplained, 0.08),
                  ("a channel's gain is off", float(np.max(np.abs(self.gain - 1))), 0.1),
                  (f"{self.none:.0%} of what was heard is no stone as the others", self.none, 0.3),
-                 ("the stones are not of --radius and --speed, by standard deviations", self.beyond, 3.5),
+                 (f"the stones are {self.beyond:.1f} standard deviations off --radius and --speed", self.beyond, 3.5),
                  (f"{self.misplaced:.0%} of the known stones seem to be of the other material", self.misplaced, 0.34),
                  (f"{self.together:.0%} of the stones arrive at once with another (`volley` is for those)",
                   self.together, 0.3),

@@ -158,6 +158,8 @@ class Live:
                 yield from self._checked()
             if ended or heard:
                 yield from self._stones(heard, ended)
+            if ended:  # by what the last stones tell
+                yield from self._checked()
             yield from self._ratios()
 
     def _checked(self) -> Iterator[dict[str, Any]]:

@@ -84,11 +84,14 @@ class Recognised:
 
 def channels_of(table: pd.DataFrame, plate: PlateModel, source: str) -> tuple[Channels, Floats]:
     """Which sensors a record has, and their signals (c, samples) at RATE_Hz. RecognitionError where it has none of the
-    plate's sensors, a value that is not finite, or too low a rate."""
+    plate's sensors, a value that is not finite, or too low a rate; NotRecognised for a channel that is dead or clipped,
+    which is no longer level once it is resampled."""
     rate_Hz = sample_rate_Hz(numbers(table, "t_s", source), f"{source}: t_s") if "t_s" in table.columns else np.nan
     channels, columns = sensors_of(list(table.columns), rate_Hz, plate, source)
     rate_Hz = RATE_Hz if abs(rate_Hz / RATE_Hz - 1) < RATE_SHARE else round(rate_Hz)
     records = [Record(numbers(table, name, source), rate_Hz, name=f"{source}: {name}") for name in columns]
+    names = [plate.sensor_names[k] for k in channels.accelerometers]
+    refuse_faulty(np.array([record.values for record in records[:len(names)]]), names)
     if rate_Hz != RATE_Hz:
         records = [resample(record, RATE_Hz) for record in records]
     return channels, np.array([record.values for record in records])
@@ -115,11 +118,8 @@ def recognise_stream(plate: PlateModel, channels: Channels, prior: StonePrior, v
 
 
 def hear(plate: PlateModel, channels: Channels, prior: StonePrior, values: Floats, quiet_s: float) -> Hearing:
-    """The stones of channels (c, samples), as `Ear` hears them. RecognitionError for a quiet beginning that is longer
-    than they are."""
+    """The stones of channels (c, samples), as `Ear` hears them."""
     ear = Ear(plate, channels, prior, quiet_s)
-    if ear.quiet >= values.shape[1]:
-        raise RecognitionError(f"--silence {quiet_s:g}: must be from {QUIET_S:g} s to the length of the record")
     heard = [h for k in range(0, values.shape[1], ear.followed) for h in ear.hear(values[:, k:k + ear.followed])]
     heard += ear.end()
     return Hearing(heard, ear.prior, ear.plate, ear.noise, ear.checks(ear.listener.total, heard), ear.tapped,
@@ -169,8 +169,11 @@ class Ear:
         return self._listened() if self.listens else []
 
     def end(self) -> list[Heard]:
-        """Those that are left when no more will come."""
+        """Those that are left when no more will come. RecognitionError for a beginning that is longer than all."""
         if not self.listens:
+            if self.quiet >= self.values.shape[1]:
+                raise RecognitionError(f"--silence {self.quiet / RATE_Hz:g}: must be from {QUIET_S:g} s to the length "
+                                       "of the record")
             self.begins = self.values.shape[1]
             self._begin()
         return self._listened(ended=True)

@@ -12,10 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 from scipy.linalg import cho_factor, cho_solve
 
+from common.tables import Table, about
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
@@ -103,18 +106,17 @@ MODES_BEYOND = 3.0  # standard deviation of `Place.beyond`
 CONVERGED = 1e-3  # largest step, in standard deviations, with which a window ends
 
 
-@dataclass(frozen=True)
-class Prior:
-    """Standard deviations of what is not known beforehand.
+Deviation = Annotated[float, Field(ge=1e-9, le=1)]
 
-    frequency: relative, of each mode by itself and, divided by the root of 2, of the mixing of two modes; damping: of
-    its logarithm; gain: relative, of a sensor; place_m: of sensors and taps along x and y.
-    """
 
-    frequency: float = 0.03
-    damping: float = 0.5
-    gain: float = 0.03
-    place_m: float = 1.5e-3
+class Prior(Table):
+    """Standard deviations of what is not known beforehand. That of a frequency, divided by the root of 2, is also that
+    of the mixing of two modes."""
+
+    frequency: Annotated[Deviation, about("of a frequency, relative")] = 0.03
+    damping: Annotated[Deviation, about("of the logarithm of a damping ratio")] = 0.5
+    gain: Annotated[Deviation, about("of a sensor's gain, relative")] = 0.03
+    place_m: Annotated[Deviation, about("of the place of a sensor or a tap along x and y")] = 1.5e-3
 
     def of(self, structure: Structure) -> Floats:
         """Standard deviations (size,) of a structure's vector of parameters."""

@@ -146,7 +146,6 @@ def _unexplained(fitted: Fitted, frequency_Hz: Floats) -> Floats:
 
 LARGEST_UNEXPLAINED = 0.3  # of a sensor's record: more, and the plate, a place or a sensor is not what it is said to be
 TITLE = "gangue: plate learnt from taps"  # in each of its datasets 55
-Deviation = Annotated[float, Field(ge=1e-9, le=1)]
 
 
 @dataclass(frozen=True)
@@ -257,20 +256,11 @@ class TapTable(Place):
     unknown_force: Annotated[bool, about("take no notice of force_N")] = False
 
 
-class PriorTable(Table):
-    """Standard deviations of what is not known beforehand."""
-
-    frequency: Annotated[Deviation, about("of a frequency, relative")] = Prior.frequency
-    damping: Annotated[Deviation, about("of the logarithm of a damping ratio")] = Prior.damping
-    gain: Annotated[Deviation, about("of a sensor's gain, relative")] = Prior.gain
-    place_m: Annotated[Deviation, about("of the place of a sensor or a tap along x and y")] = Prior.place_m
-
-
 class TapFile(Table):
     """The whole file."""
 
     taps: Annotated[tuple[TapTable, ...], Field(min_length=1), about("the taps")]
-    prior: PriorTable = PriorTable()
+    prior: Prior = Prior()
     scale: Annotated[float, about("factor on the samples of accelerations")] = 1.0
     unit: Annotated[str | None, about("unit of the scaled samples, where their names do not say it")] = None
 
@@ -281,13 +271,16 @@ def read_taps(path: str | Path, plate: PlateModel) -> tuple[list[Tap], Prior]:
     Raises InputError for the file, RecordError or RecognitionError for a record.
     """
     content: TapFile = check(TapFile, read_toml(path), path)
+    for k, table in enumerate(content.taps):
+        try:
+            plate.shape(*np.array(table.place_m)[:, None])
+        except RecognitionError as reason:
+            raise RecognitionError(f"{path}: taps.{k}.place_m: {reason}") from None
     taps = [_tap(Path(path).parent / table.record, table, plate, content) for table in content.taps]
-    return taps, Prior(**content.prior.model_dump())
+    return taps, content.prior
 
 
 def _tap(file: Path, table: TapTable, plate: PlateModel, content: TapFile) -> Tap:
     found, acceleration, rate_Hz = read_accelerations(file, plate, content.scale, content.unit)
     force = None if table.unknown_force or "force_N" not in found.columns else numbers(found, "force_N", file)
-    place = np.array(table.place_m)
-    plate.shape(*place[:, None])  # refuses a place beside the plate
-    return Tap(place, acceleration, rate_Hz, force, str(file))
+    return Tap(np.array(table.place_m), acceleration, rate_Hz, force, str(file))

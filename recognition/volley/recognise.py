@@ -231,9 +231,9 @@ def volley(record: str, plate: str, stones: Sequence[int], radius_m: float, spee
     _between("radius", [radius_m], RADII_m)
     known = PlateModel.load(Path(plate))
     table, source = record_table(record, scale, unit)
-    channels, values = channels_of(table, known, source)
-    sensors, told = channels.accelerometers, Stones((int(counts[0]), int(counts[1])), radius_m, speeds_m_s)
     try:
+        channels, values = channels_of(table, known, source)
+        sensors, told = channels.accelerometers, Stones((int(counts[0]), int(counts[1])), radius_m, speeds_m_s)
         found = recognise_volley(known, sensors, told, load_forces(), values[:len(sensors)])
     except NotRecognised as error:
         return VolleyResult(refused=str(error))

@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pytest
 from PyEMD import EMD
@@ -7,6 +9,7 @@ from analysis import RecordError, as_record
 from analysis.signals.emd import STOPPING_RULES, decompose
 from analysis.signals.hilbert import hilbert_spectrum, instantaneous, marginal_spectrum
 from analysis.signals.sifting import not_a_knot
+from gangue.__main__ import main
 from lab.accuracy.emd_rules import cost
 
 RATE_HZ = 6667.0
@@ -169,3 +172,23 @@ def test_lean_decomposition_is_pyemds():
     found = decompose(as_record(x, 6667.0))
     assert found.imfs == pytest.approx(imfs * x.std(), abs=1e-8 * x.std())
     assert found.residue == pytest.approx(residue * x.std() + x.mean(), abs=1e-8 * x.std())
+
+
+@pytest.mark.parametrize("levels", [16, 128, 2048])
+@pytest.mark.parametrize("rule", STOPPING_RULES)
+def test_a_digitised_record_has_the_energies_of_the_analogue_one(rule, levels):
+    t, noise = np.arange(4096) / 51200, np.random.default_rng(1).standard_normal(4096)
+    x = np.exp(-30 * t) * np.sin(2 * np.pi * 800 * t) + 0.01 * noise
+    held = [decompose(as_record(one, 51200.0), rule).energies.sum() for one in (x, np.round(levels * x) / levels)]
+    assert held[1] == pytest.approx(held[0], rel=0.2)
+
+
+def test_features_leave_out_imfs_that_hold_much_more_energy_than_the_record(tmp_path, capsys):
+    """A spline that comes from dense extrema swings far out over a quiet part."""
+    t_s = np.arange(2000) / 1e5
+    moved = np.where(t_s < 0.008, 0.0, np.exp(-300 * t_s) * np.sin(2e4 * t_s + 1))
+    np.savetxt(tmp_path / "late.csv", np.column_stack([t_s, moved]), delimiter=",", header="t_s,acc", comments="")
+    assert main(["features", str(tmp_path / "late.csv"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert "times the record's energy, where at most 2" in found["left_out"]
+    assert "rms" in found["features"] and not any("imf" in name or "spectrum" in name for name in found["features"])

@@ -49,6 +49,12 @@ def test_columns_of_many_are_chosen_by_name(tmp_path):
         assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(("time", "per_s"), [("t_ms", 1e3), ("time_us", 1e6), ("t_s", 1.0), ("clock", 1.0)])
+def test_a_unit_after_an_underscore_is_that_of_the_times(tmp_path, time, per_s):
+    pd.DataFrame({time: per_s * T_s, "acc": A}).to_csv(tmp_path / "a.csv", index=False)
+    assert read_record(tmp_path / "a.csv", column="acc", time=time).rate_Hz == pytest.approx(2000.0, rel=1e-12)
+
+
 @pytest.mark.parametrize("text, values", [
     ("1,5\n2,5\n-0,5\n", None),  # two columns, or one? Nobody can tell
     ("Kraft\n1,5\n2,5\n-0,5\n", [1.5, 2.5, -0.5]),

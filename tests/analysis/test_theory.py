@@ -6,10 +6,12 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import beta
 
+from analysis import RecordError, read_run
 from analysis.theory import contact_states as theory
 from analysis.theory.contact_states import COAL, GANGUE, PLATE, STATES, peak
 from analysis.theory.impact import DAMPING, Spring, force_history
 from common import hertz
+from tests.analysis import synthetic
 
 L_M, B_M, H_M, R_M, V_M_S = 0.4, 0.4, 0.02, 0.025, 3.0
 ORDER = [2, 10, 5, 7, 3, 9, 4, 8, 1, 6]
@@ -203,3 +205,9 @@ def test_every_law_has_the_wanted_restitution_where_it_is_near_one(law):
 def test_hertz_contact_time_by_its_integral():
     """2 d_max/v times the integral of 1/sqrt(1 - x^(5/2)) from 0 to 1, which is (2/5) B(2/5, 1/2)."""
     assert hertz.CONTACT_TIME_FACTOR == pytest.approx(2 * 0.4 * beta(0.4, 0.5), rel=5e-5)
+
+
+def test_stones_laid_down_have_no_theory_of_impact(tmp_path, monkeypatch):
+    monkeypatch.setitem(synthetic.SCENE["stones"], "speed_m_s", 0.0)
+    with pytest.raises(RecordError, match=r"scene\.stones\.speed_m_s = 0; needs an impact"):
+        theory.setup_of(read_run(synthetic.write_run(tmp_path / "laid", 0.5)))

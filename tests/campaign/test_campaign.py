@@ -72,9 +72,10 @@ def test_a_campaign_runs_what_is_missing_and_each_group_is_laid_out_as_a_sweep(t
 def test_a_plan_holds_every_combination_once_and_repeats(tmp_path):
     file = campaign_file(tmp_path, **{"stones.speed_m_s": [1.0, 2.0, 2.0], "stones.gangue_ratio": [0.0, 1.0],
                                       "stones.positions_m": [[[0.0, 0.0]], [[0.1, 0.0]]]})
-    scene_file, runs = plan_campaign(file)
-    assert scene_file == STONE and len(runs) == len({run.directory for run in runs}) == 2 * 2 * 2
-    assert plan_campaign(file)[1] == runs
+    runs = plan_campaign(file)
+    assert {run.scene for run in runs} == {str(STONE.resolve())}
+    assert len(runs) == len({run.directory for run in runs}) == 2 * 2 * 2
+    assert plan_campaign(file) == runs
     write_campaign_runs(runs, tmp_path)
     assert list(pd.read_csv(tmp_path / "plan.csv")["stones.speed_m_s"].unique()) == [1.0, 2.0]
     # What `--set` reads is what was planned.
@@ -87,12 +88,12 @@ def test_a_plan_holds_every_combination_once_and_repeats(tmp_path):
 
 def test_a_changed_scene_gets_other_directories(tmp_path):
     vary = {"stones.gangue_ratio": [0.0]}
-    before = {run.directory for run in plan_campaign(campaign_file(tmp_path, **vary))[1]}
+    before = {run.directory for run in plan_campaign(campaign_file(tmp_path, **vary))}
     changed = tmp_path / "changed.toml"
     changed.write_text(STONE.read_text().replace("duration_s = 3e-4", "duration_s = 4.5e-4"))
     file = campaign_file(tmp_path, **vary)
     file.write_text(file.read_text().replace(str(STONE), str(changed)))
-    after = {run.directory for run in plan_campaign(file)[1]}
+    after = {run.directory for run in plan_campaign(file)}
     assert before.isdisjoint(after)
     assert scene_hash(read_scene(changed)) != scene_hash(read_scene(STONE))
 

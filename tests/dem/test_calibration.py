@@ -1,6 +1,7 @@
 """Virtual tests against the static solution, the law of proportional loads, and what the fitted materials claim."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,16 @@ ROCK = Rock(density_kg_m3=1400.0, contact_modulus_Pa=5e9, contact_poisson_ratio=
             tan_friction=0.5, damping_ratio=0.05)
 
 
+@cache
+def cylinder():
+    return compression_specimen(0.025, 300, 11)
+
+
+@cache
+def disc():
+    return brazilian_specimen(0.025, 250, 11)
+
+
 def target_of(rock, file=TARGETS):
     """The sheet of a rock, checked."""
     return check(TargetTable, read_toml(file)[rock], file, where=rock)
@@ -58,7 +69,7 @@ def elastic_test(directory: Path, specimen: Specimen, rock: Rock, strain: float 
 
 @pytest.mark.parametrize("volumetric_ratio", [0.0, 0.3])
 def test_slow_compression_gives_the_elastic_constants_at_rest(tmp_path, volumetric_ratio):
-    specimen = compression_specimen(0.025, 300, seed=11)
+    specimen = cylinder()
     modulus, nu = elastic_test(tmp_path, specimen, replace(ROCK, volumetric_ratio=volumetric_ratio))
     at_rest = network_stiffness(specimen.packing, specimen.bonds, ROCK.bond_modulus_Pa, ROCK.stiffness_ratio,
                                 volumetric_ratio)
@@ -66,22 +77,21 @@ def test_slow_compression_gives_the_elastic_constants_at_rest(tmp_path, volumetr
     assert nu == pytest.approx(at_rest.poisson_ratio[0], abs=2e-3)
 
 
-@pytest.mark.parametrize("specimen", [compression_specimen(0.025, 300, 11), brazilian_specimen(0.025, 250, 11)],
-                         ids=["compression", "Brazilian"])
+@pytest.mark.parametrize("specimen", [cylinder, disc])
 def test_load_at_failure_goes_with_the_strength_of_the_bonds(tmp_path, specimen):
     """Bonds are elastic until they break, so with twice the strength, strained twice as fast, all loads double.
 
     Strains are kept so small that no geometry changes: at real ones, paths of cracks part and one specimen differs
     by 10 %.
     """
-    records = [strength_test(tmp_path / f"{factor}", specimen,
+    records = [strength_test(tmp_path / f"{factor}", specimen(),
                              replace(ROCK, tensile_strength_Pa=factor * 3e3, shear_strength_Pa=factor * 6e3),
                              factor * 1e-6) for factor in (1, 2)]
     assert records[1].strength_Pa == pytest.approx(2 * records[0].strength_Pa, rel=1e-3)
 
 
 def test_failure_does_not_depend_on_the_speed_of_the_platens(tmp_path):
-    specimen = brazilian_specimen(0.025, 250, 11)
+    specimen = disc()
     fast, slow = (strength_test(tmp_path / f"{k}", specimen, ROCK, strain).strength_Pa
                   for k, strain in enumerate((1e-3, 4e-4)))
     assert fast == pytest.approx(slow, rel=0.05)
@@ -91,8 +101,7 @@ def test_failure_does_not_depend_on_the_speed_of_the_platens(tmp_path):
 def test_a_test_ends_when_its_strength_is_known(tmp_path, kind):
     """Of a rock whose cracks take so much energy that a pulled specimen parts slowly: the strength is that of a test that
     goes on, which takes longer."""
-    specimen = brazilian_specimen(0.025, 250, 11) if kind == "Brazilian" else tension_specimen(
-        compression_specimen(0.025, 150, 11))
+    specimen = disc() if kind == "Brazilian" else tension_specimen(compression_specimen(0.025, 150, 11))
     rock = replace(ROCK, fracture_energy_J_m2=300.0)
     strain = (3 if kind == "Brazilian" else 1) * 3e6 / rock.bond_modulus_Pa
     ended = strength_test(tmp_path / "ended", specimen, rock, strain)
@@ -195,6 +204,8 @@ def test_a_calibration_that_was_killed_can_be_repeated(tmp_path, capsys, monkeyp
     monkeypatch.setattr("dem.calibration.calibrate.strength_test", strength)
     monkeypatch.setattr("dem.calibration.calibrate.FIT_SEEDS", 2)
     monkeypatch.setattr("dem.calibration.calibrate.CHECK_SEEDS", 2)
+    for specimen in (brazilian_specimen, compression_specimen):  # the second time they are the same
+        monkeypatch.setattr(f"dem.calibration.calibrate.{specimen.__name__}", cache(specimen))
     with monkeypatch.context() as patched:
         patched.setattr("dem.calibration.calibrate.calibration_toml", killed)
         assert main(arguments) == 130

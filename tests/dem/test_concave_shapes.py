@@ -144,7 +144,7 @@ def test_what_bounds_no_solid_is_refused_in_one_line(tmp_path, point, triangle, 
 
 def test_parts_that_do_not_hold_together_are_refused(tmp_path):
     shape = written(tmp_path, *beside(ONE, (np.full(3, 3.0), np.full(3, 4.0))))
-    scene = drawn(tmp_path, shape, 60)
+    scene = drawn(tmp_path, shape, 40)
     with pytest.raises(Refused, match="hold all parts of their shape together"):
         assemble(scene, stones_of(scene, "scene"))
 

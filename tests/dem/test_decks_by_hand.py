@@ -54,7 +54,7 @@ def test_the_deck_obeys_the_laws_of_motion(alone):
     assert column["broken"][-1] >= 4
 
 
-@pytest.mark.parametrize("ranks", [2, 4])
+@pytest.mark.parametrize("ranks", [2, pytest.param(4, marks=pytest.mark.validate)])
 def test_the_deck_moves_alike_on_several_ranks(alone, tmp_path, ranks):
     ledger, forces = run(tmp_path / "run", ranks=ranks)
     assert np.array_equal(ledger.step, alone[0].step)

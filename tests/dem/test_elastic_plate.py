@@ -9,7 +9,7 @@ from scipy.integrate import cumulative_trapezoid, solve_ivp
 from analysis import read_run
 from common.files.cache import user_cache
 from common.scene.scene import read_scene
-from dem.run.run import run, run_scene
+from dem.run.run import run_scene
 from plate_fem.modes import plate_modes
 
 SCENE = SCENES / "elastic_plate.toml"
@@ -46,7 +46,7 @@ def reference(scene, times, modes):
 @pytest.fixture(scope="module")
 def default_run(runs):
     directory = runs / "elastic"
-    summary = run(SCENE, directory, show_progress=False)
+    summary = run_scene(read_scene(SCENE), str(SCENE), directory)
     return summary, pd.read_parquet(directory / "fast.parquet")
 
 

@@ -7,12 +7,13 @@ from scenes_of_tests import SCENES, hertz
 
 from common.scene.scene import read_scene
 from dem.record.recorder import read_forces
-from dem.run.run import run
+from dem.run.run import run_scene
 
 
 @pytest.mark.parametrize("material, force_N, time_us", [("coal", 4261.6, 233.9), ("gangue", 7646.3, 226.7)])
 def test_hertz_peak_force_contact_time_and_rebound(tmp_path, material, force_N, time_us):
-    summary = run(SCENES / f"hertz_{material}.toml", tmp_path / "run", show_progress=False)
+    scene = SCENES / f"hertz_{material}.toml"
+    summary = run_scene(read_scene(scene), str(scene), tmp_path / "run")
     assert summary["peak_force_N"] == pytest.approx(force_N, rel=1e-3)
     assert summary["rebound_speed_m_s"][0] == pytest.approx(3.0, rel=1e-3)
     assert contact_time(tmp_path / "run", summary, material) * 1e6 == pytest.approx(time_us, rel=1e-3)

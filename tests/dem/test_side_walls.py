@@ -60,17 +60,25 @@ def test_all_that_the_contact_with_the_plate_holds_and_takes_adds_up_at_every_in
     assert abs(gone[-1]) < 1e-5 * held[0]
 
 
+AWAY_m, OBLIQUE_m_s = np.array([0, 0, RADIUS_m + 1.99e-5]), np.array([0.4, 0.25, -1.0])
+
+
+@pytest.fixture(scope="module")
+def on_the_plate(tmp_path_factory):
+    """An oblique throw at the stock wall at z = 0."""
+    return throw(tmp_path_factory.mktemp("flat") / "plate", AWAY_m.tolist(), OBLIQUE_m_s.tolist(), PLATE)
+
+
 @pytest.mark.parametrize("side", SIDES)
-def test_a_wall_is_the_plate_turned_upright(tmp_path, side):
+def test_a_wall_is_the_plate_turned_upright(tmp_path, on_the_plate, side):
     """Obliquely, with friction and dashpot: places, velocities and spins are those in front of the stock wall at z = 0,
     turned, and so are the energies in the ledger. The wall feels the opposite of what the sphere felt."""
     box, turn = SIDES[side]
     turn = np.array(turn, dtype=float)
-    away, velocity = np.array([0, 0, RADIUS_m + 1.99e-5]), np.array([0.4, 0.25, -1.0])
-    flat, energy, _ = throw(tmp_path / "plate", away.tolist(), velocity.tolist(), PLATE)
+    flat, energy, _ = on_the_plate
     corner = (AT_m if side.endswith("plus") else -AT_m) * np.array([side[0] == "x", side[0] == "y", 0])
-    seen, found, pushed = throw(tmp_path / "wall", (turn @ away + corner + [0, 0, 0.05]).tolist(),
-                                (turn @ velocity).tolist(), wall_line(box))
+    seen, found, pushed = throw(tmp_path / "wall", (turn @ AWAY_m + corner + [0, 0, 0.05]).tolist(),
+                                (turn @ OBLIQUE_m_s).tolist(), wall_line(box))
     assert seen.v[:, 0] == pytest.approx(flat.v[:, 0] @ turn.T, abs=1e-7)
     assert seen.omega[:, 0] == pytest.approx(flat.omega[:, 0] @ turn.T, abs=1e-4 * np.abs(flat.omega).max())
     assert np.abs(flat.omega).max() > 10 and flat.v[-1, 0, 2] > 0.8

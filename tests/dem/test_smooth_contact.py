@@ -38,7 +38,7 @@ def stone(subspheres=500, material="coal", speed_m_s=3.0, restitution=1.0, frict
 
 
 @pytest.mark.parametrize(("subspheres", "material", "speed_m_s", "within"), [
-    (200, "coal", 3.0, 0.01), (500, "coal", 3.0, 0.01), (500, "gangue", 3.0, 0.01), (500, "coal", 10.0, 0.02),
+    (200, "coal", 3.0, 0.01), (500, "gangue", 3.0, 0.01), (500, "coal", 10.0, 0.02),
     (1000, "coal", 1.0, 0.01)])
 def test_an_unbreakable_stone_pushes_as_the_elastic_sphere(tmp_path, subspheres, material, speed_m_s, within):
     """Hertz' force goes with v^(6/5). The bonds' own waves and damping take the rest, most where it is fast."""
@@ -54,6 +54,7 @@ def test_two_packings_push_alike(tmp_path):
     """What lies lowest in a packing does not count any more."""
     peaks = [run_scene(stone(**{"stones.seed": seed}), "scene", tmp_path / f"{seed}")["peak_force_N"] for seed in (1, 2, 3)]
     assert np.ptp(peaks) < 1e-3 * np.mean(peaks)
+    assert np.mean(peaks) == pytest.approx(hertz("coal")["force_N"], rel=0.01)
 
 
 @pytest.mark.parametrize(("restitution", "speed_m_s", "material"), [
@@ -275,7 +276,7 @@ def test_too_few_sub_spheres_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize(("case", "until_s", "within"), [
-    ("whole", 3e-4, 1e-10), ("snaps", 1e-4, 1e-10), ("softens", 5e-5, 1e-6)])
+    ("whole", 2e-4, 1e-10), ("snaps", 1e-4, 1e-10), ("softens", 5e-5, 1e-6)])
 def test_two_ranks_find_the_same_contact(tmp_path, case, until_s, within):
     """And explain it as well. Bonds that soften let rounding grow: by the tenth broken bond, after 50 us, it is 1e-9 of
     the energy, 10 us later 2e-6, and whether a bond has broken is another answer then. Where bonds snap it stays at 1e-13

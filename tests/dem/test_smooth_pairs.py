@@ -104,11 +104,9 @@ def test_an_oblique_meeting_is_that_of_rigid_spheres_with_mindlins_spring(tmp_pa
     assert found == pytest.approx(expected, abs=0.015 * 2.0)
 
 
-@pytest.mark.parametrize("subspheres", [200, 500])
-def test_a_stone_that_spins_without_friction_keeps_its_spin(tmp_path, subspheres):
+def test_a_stone_that_spins_without_friction_keeps_its_spin(tmp_path):
     """At 200 rad/s its surface passes the other's five times as fast as it comes, and the patch goes round with it."""
-    meeting = Meeting.of(f"coal_coal_25_25_2_{subspheres}")
-    prepared = write_meeting(tmp_path, scene_of(meeting, 3), 2.0, 2 * R_m, 0.0)
+    prepared = write_meeting(tmp_path, scene_of(COAL, 3), 2.0, 2 * R_m, 0.0)
     deck, upper = tmp_path / "deck", prepared.assembly.agglomerate == 1
     center, mass = prepared.assembly.center_m, prepared.assembly.mass_kg
     spin = np.outer(upper, [0.0, 200.0, 0.0])
@@ -190,7 +188,7 @@ def flown(directory, aside, tolerance):
     """Velocities after, m/s, and at each thermo output how many sub-spheres are in the arrays, of two stones that begin
     1 mm apart."""
     meeting = Meeting.of("coal_coal_25_25_0.5_200")
-    scene = scene_of(meeting, 2, **of_all(friction=0.3), **{"time.duration_s": 4e-3, "time.free_flight_tolerance": tolerance})
+    scene = scene_of(meeting, 2, **of_all(friction=0.3), **{"time.duration_s": 3e-3, "time.free_flight_tolerance": tolerance})
     prepared = write_meeting(directory, scene, 0.5, 2 * R_m + 1e-3, aside)
     text = (directory / "deck" / "deck.liggghts").read_text()
     log = run_engine(directory / "deck", re.sub(r"thermo +\d+", "thermo 100", text))
@@ -215,7 +213,7 @@ def test_stones_that_pass_each_other_closely_stay_in_free_flight(tmp_path):
 def test_two_ranks_find_the_same(tmp_path):
     found = []
     for ranks in (1, 2):
-        rows, _ = ran(tmp_path / str(ranks), COAL, 4, 0.3, ranks, **of_all(0.7, 0.4), **{"time.duration_s": 1.5e-4})
+        rows, _ = ran(tmp_path / str(ranks), COAL, 4, 0.3, ranks, **of_all(0.7, 0.4), **{"time.duration_s": 1e-4})
         c = rows.column
         assert left_over(rows) < 3e-5  # of first order in the time step, twice this, if looks forget half a step
         found.append(np.concatenate([c[name].sum(axis=1) for name in ("kinetic_J", "pair_elastic_J", "friction_J", "pair_damped_J")]))
@@ -226,7 +224,7 @@ def test_a_run_stopped_in_the_contact_goes_on_bit_by_bit(tmp_path):
     """At each of its checkpoints, while bonds break under the patches."""
     meeting = Meeting.of("coal_coal_25_25_8_200")
     for name in ("whole", "parted"):
-        write_meeting(tmp_path / name, scene_of(meeting, 1, **BREAKS), 8.0, 2 * R_m, 0.2)
+        write_meeting(tmp_path / name, scene_of(meeting, 1, **BREAKS, **{"time.duration_s": 1.5e-4}), 8.0, 2 * R_m, 0.2)
     run_engine(tmp_path / "whole" / "deck", (tmp_path / "whole" / "deck" / "deck.liggghts").read_text())
     step, stops = 0, 0
     while step is not None:

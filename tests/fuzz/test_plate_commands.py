@@ -4,7 +4,7 @@
 import json
 import shutil
 import tempfile
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -294,7 +294,7 @@ def check_any_tap(plate, seed):
     rng = np.random.default_rng(seed)
     rate_Hz, prior = 10 ** rng.uniform(3.3, 5), Prior()
     if rng.random() < 0.2:
-        prior = replace(prior, **{rng.choice([field.name for field in fields(Prior)]): 10 ** rng.uniform(-9, 0)})
+        prior = prior.model_copy(update={rng.choice(list(Prior.model_fields)): 10 ** rng.uniform(-9, 0)})
     try:
         found = learnt(fit_plate(plate, [any_tap(plate, rng, rate_Hz) for _ in range(rng.integers(1, 4))], prior), prior)
     except RecognitionError as error:

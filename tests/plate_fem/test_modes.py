@@ -9,7 +9,7 @@ from plate_fem import modes as modes_module
 from plate_fem.elements.mesh import bicubics
 from plate_fem.elements.rods import disc_quadrature, joint_of
 from plate_fem.modes import plate_modes, table_hash
-from plate_fem.solution import eigen
+from plate_fem.solution import eigen, model
 
 TABLE = plate(rods=[rod(0.15, 0.1)], max_frequency_Hz=1500.0, theory="kirchhoff")
 
@@ -126,6 +126,22 @@ def test_hash_follows_what_matters():
     assert table_hash(TABLE) == table_hash(TABLE.model_copy(update={"yield_stress_Pa": 1e8}))
     assert table_hash(TABLE) != table_hash(TABLE.model_copy(update={"thickness_m": 0.021}))
     assert table_hash(TABLE) != table_hash(TABLE, [[0.0, 0.0]])
+
+
+@pytest.mark.parametrize("rods", [[rod(0.15, 0.1, diameter_m=0.06)], []], ids=["rod", "free"])
+def test_lanczos_finds_what_the_dense_solution_does(rods, monkeypatch):
+    """Of a free plate also its motions as a rigid body, and pairs of equal frequencies."""
+    monkeypatch.setattr(model, "mirror_axes", lambda *_: [])
+    table = plate(rods=rods, thickness_m=0.01, max_frequency_Hz=2e3)
+    part = max(model.build_model(table).parts, key=lambda part: len(part.number))
+    limit = (2 * np.pi * 2e3) ** 2
+    count = eigen._count_below(part, limit)
+    assert count > 10 and len(part.number) > 2 * eigen._vectors_for(count)
+    found, shapes = eigen._lowest(part, limit, count)
+    monkeypatch.setattr(eigen, "_vectors_for", lambda _: len(part.number))
+    expected, wanted = eigen._lowest(part, limit, count)
+    assert found == pytest.approx(expected, rel=1e-10, abs=1e-12 * limit)
+    assert shapes @ (shapes.T @ (part.mass @ wanted)) == pytest.approx(wanted, abs=1e-6 * abs(wanted).max())
 
 
 def test_more_modes_than_can_be_found_are_refused(monkeypatch):

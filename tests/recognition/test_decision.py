@@ -47,12 +47,12 @@ def drawing(coal_first, shares, seed):
 
 def test_an_alarm_comes_soon_after_the_share_is_passed():
     """A share of 10 % that becomes 60 % after 60 stones."""
-    shares = np.r_[np.full(60, 0.1), np.full(120, 0.6)]
+    shares = np.r_[np.full(60, 0.1), np.full(60, 0.6)]
     found = follow(told := drawing(30, shares, 1), np.arange(len(told.x)) / 20, PRIOR, STOP, 0.005)
     alarms = np.flatnonzero(found.alarm)
     assert not found.foreseen.unsafe and found.foreseen.false_alarms_1_h <= 1.0
     assert 60 < alarms[0] < 60 + found.foreseen.delay
-    assert len(found.sum) == 180 and found.sum[alarms[0] + 1] < 1.0  # begins anew
+    assert len(found.sum) == 120 and found.sum[alarms[0] + 1] < 1.0  # begins anew
 
 
 @pytest.mark.parametrize("seed", [3, 4])

@@ -121,13 +121,20 @@ def test_a_terminal_shows_the_ratio_over_its_interval():
 
 def test_another_plate_is_said_within_three_seconds(drawing, names, capsys):
     here, values, _ = drawing
-    content = sent(values, {"rate_Hz": RATE_2_Hz, "channels": names[2:] + names[:2]})
-    code, events, _ = piped(capsys, here, content, "--watch")
+    swapped = {"rate_Hz": RATE_2_Hz, "channels": names[2:] + names[:2]}
+    code, events, _ = piped(capsys, here, sent(values[:, :round(RATE_2_Hz)], swapped), "--watch")
     assert code == 3 and [one["event"] for one in events] == ["NOT EXPLAINED"]
-    code, events, _ = piped(capsys, here, content)
+    code, events, _ = piped(capsys, here, sent(values, swapped))
     assert code == 3 and events[-1]["event"] == "NOT EXPLAINED"
     assert next(one for one in events if one["event"] == "refused")["t_s"] < 3
     assert "ratio" not in {one["event"] for one in events}
+
+
+def test_a_stream_that_ends_early_is_held_to_radii_and_speeds_too(drawing, names, capsys):
+    here, values, _ = drawing
+    content = sent(values[:, :round(0.7 * RATE_2_Hz)], {"rate_Hz": RATE_2_Hz, "channels": names})
+    code, events, _ = piped(capsys, here, content, "--radius", "0.008", "0.01")
+    assert code == 3 and "off --radius and --speed, limit 3.5" in events[-1]["not_explained"]
 
 
 HEADER = {"rate_Hz": 20000, "channels": ["acc_north_m_s2"]}
@@ -144,6 +151,8 @@ HEADER = {"rate_Hz": 20000, "channels": ["acc_north_m_s2"]}
     (sent(np.zeros((1, 9)), HEADER | {"unit": "volt"}), (), "unit = 'volt'; must be one of"),
     (sent(np.r_[np.zeros(500), np.nan][None], HEADER), (), "acc_north_m_s2 at 0.025 s: every sample must be finite"),
     (sent(np.zeros((1, 9)), HEADER)[:-1], (), "ends within a frame, 3 of 4 bytes"),
+    (sent(np.zeros((1, 9)), HEADER), (), "--silence 0.04: must be from 0.02 s to the length of the record"),
+    (sent(np.zeros((1, 0)), HEADER), (), "--silence 0.04: must be from 0.02 s to the length of the record"),
     (sent(np.zeros((1, 9)), HEADER), ("--out", "nowhere"), "--out: must be a directory for a record"),
 ])
 def test_what_cannot_be_samples_ends_in_one_line(few_modes, capsys, content, options, said):

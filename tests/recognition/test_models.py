@@ -12,10 +12,12 @@ from recognition.estimation.answer import Answer
 from recognition.methods import METHODS
 from tests.analysis.synthetic import write_run, write_sweep
 
+RATIOS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
+
 
 @pytest.fixture(scope="module")
 def sweep_path(tmp_path_factory):
-    return write_sweep(tmp_path_factory.mktemp("runs") / "paper")
+    return write_sweep(tmp_path_factory.mktemp("runs") / "paper", ratios=RATIOS)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +50,7 @@ def test_saved_model_answers_the_same_and_holds_no_code(model, sweep_path, tmp_p
     expected = model.recognise(signals)
     assert {name: str(a) for name, a in again.recognise(signals).items()} == {name: str(expected[name]) for name in again.methods}
     saved = json.loads((tmp_path / "model.json").read_text())
-    assert saved["version"] == 10 and len(saved["provenance"]["runs"]) == 11
+    assert saved["version"] == 10 and len(saved["provenance"]["runs"]) == len(RATIOS)
     assert saved["provenance"]["runs"][3]["seeds"] == {"packing": 10007}
 
 
@@ -98,7 +100,7 @@ def test_a_model_is_written_over_a_model_only(sweep_path, tmp_path, capsys):
 
 
 def test_acceleration_alone_is_enough_for_q(model, sweep_path):
-    run = read_sweep(sweep_path).runs[6]
+    run = read_sweep(sweep_path).runs[RATIOS.index(0.6)]
     answers = model.recognise(run.signals[["t_s", "a_m_s2"]])
     assert answers["fusion_q"].ratio == pytest.approx(0.6, abs=0.02)
     assert "internal_J" in answers["energy_fusion_modified"].reason

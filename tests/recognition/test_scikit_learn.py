@@ -1,6 +1,7 @@
 """Methods of recognition keep to scikit-learn's conventions, by its own checks and in its own tools."""
 
 import warnings
+from functools import cache
 
 import numpy as np
 import pytest
@@ -35,6 +36,12 @@ def runs(tmp_path_factory):
     return read_sweep(write_sweep(tmp_path_factory.mktemp("runs") / "paper")).runs
 
 
+@pytest.fixture(scope="module")
+def features(runs):
+    """What a method takes of each run, by its kind."""
+    return cache(lambda kind: np.stack([MADE[kind]().prepare(run.signals) for run in runs]))
+
+
 @pytest.mark.parametrize("kind", [k for k in MADE if k is not EstimatorMethod], ids=lambda kind: kind.__name__)
 def test_scikit_learns_own_checks(kind):
     with warnings.catch_warnings():
@@ -42,22 +49,20 @@ def test_scikit_learns_own_checks(kind):
         check_estimator(MADE[kind]())
 
 
-def test_cross_validation_is_fitting_without_one_run(runs):
+def test_cross_validation_is_fitting_without_one_run(features):
     """Against a loop that leaves each run out by hand."""
-    method = MADE[FusionPipeline]()
-    X = np.stack([method.prepare(run.signals) for run in runs])
+    method, X = MADE[FusionPipeline](), features(FusionPipeline)
     inner = slice(1, -1)  # the law is not asked beyond the ratios that it was fitted to
     found = cross_val_predict(method, X, RATIOS, cv=LeaveOneOut())
     by_hand = [MADE[FusionPipeline]().fit(np.delete(X, k, 0), np.delete(RATIOS, k)).predict(X[k:k + 1])[0]
-               for k in range(len(runs))]
+               for k in range(len(RATIOS))]
     np.testing.assert_array_equal(found, by_hand)
     scores = cross_val_score(method, X, RATIOS, cv=LeaveOneOut(), scoring="neg_mean_absolute_error")
     np.testing.assert_allclose(-scores[inner], np.abs(found - RATIOS)[inner], rtol=1e-12)
 
 
-def test_a_search_over_parameters(runs):
-    method = MADE[FusionPipeline]()
-    X = np.stack([method.prepare(run.signals) for run in runs])
+def test_a_search_over_parameters(features):
+    method, X = MADE[FusionPipeline](), features(FusionPipeline)
     search = GridSearchCV(method, {"strategy__judge": ["mean", "truncated"], "fusion__kind": ["energy"]}, cv=[
         (np.delete(np.arange(11), [3, 7]), np.array([3, 7]))], scoring="neg_mean_absolute_error")
     search.fit(X, RATIOS)
@@ -70,9 +75,8 @@ def test_a_search_over_parameters(runs):
 
 
 @pytest.mark.parametrize("kind", MADE, ids=lambda kind: kind.__name__)
-def test_a_clone_is_not_fitted_and_learns_the_same(kind, runs):
-    method = MADE[kind]()
-    X = np.stack([method.prepare(run.signals) for run in runs])
+def test_a_clone_is_not_fitted_and_learns_the_same(kind, features):
+    method, X = MADE[kind](), features(kind)
     expected = method.fit(X, RATIOS).predict(X)
     copy = clone(method)
     assert not [name for name in vars(copy) if name.endswith("_")]

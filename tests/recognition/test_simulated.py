@@ -1,5 +1,6 @@
 """On runs of the simulation (impacts.parquet): six draws of eleven ratios, and another plate."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,12 @@ from lab.known_truth.stone_histories import rock_of
 from lab.recognition.baselines import EVALUATED
 from lab.recognition.impulse import impulse_N_s
 from recognition.estimation.window import channels_of
-from recognition.regression.feature_regression import FeatureRegression
+
+
+@pytest.fixture(scope="module")
+def features(impacts):
+    """What a method takes of each record, by its name."""
+    return cache(lambda name: np.stack([EVALUATED[name].make().prepare(s) for s in impacts[2]]))
 
 
 @pytest.fixture(scope="module")
@@ -29,11 +35,11 @@ def test_the_stored_records_are_of_the_rock_of_the_scene():
 
 
 @pytest.mark.parametrize("name", ["impulse", "energies_sensors"])
-def test_a_draw_held_out_is_recognised_better_than_by_a_straight_line(impacts, name):
+def test_a_draw_held_out_is_recognised_better_than_by_a_straight_line(impacts, features, name):
     """Through the rms of the accelerometers."""
     groups, ratio, signals = impacts
     method = EVALUATED[name].make()
-    X = np.stack([method.prepare(s) for s in signals])
+    X = features(name)
     rms = np.exp(np.stack([log_rms(channels_of(s, "accelerometers"), (0.0, 1.0), ()) for s in signals]))
     errors, straight, inside = [], [], []
     for group in (g for g in np.unique(groups) if not g.startswith("thin")):
@@ -48,11 +54,11 @@ def test_a_draw_held_out_is_recognised_better_than_by_a_straight_line(impacts, n
     assert 0.75 < np.mean(inside) <= 1
 
 
-def test_another_plate_is_out_of_distribution(impacts):
-    groups, ratio, signals = impacts
+def test_another_plate_is_out_of_distribution(impacts, features):
+    groups, ratio, _ = impacts
     thin = np.char.startswith(groups, "thin")
-    method = FeatureRegression("energies_sensors")
-    X = np.stack([method.prepare(s) for s in signals])
+    method = EVALUATED["energies_sensors"].make()
+    X = features("energies_sensors")
     method.fit(X[~thin], ratio[~thin], groups=groups[~thin])
     assert sum(a.out_of_distribution != "" for a in method.answer(X[thin])) >= thin.sum() - 1
     assert np.mean([a.out_of_distribution != "" for a in method.answer(X[~thin])]) == 0

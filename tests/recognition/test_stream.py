@@ -23,7 +23,7 @@ from recognition.stone_forces.forces import load_forces, save_forces
 from recognition.stream.checks import together, without_offset_and_hum
 from recognition.stream.fit import Window
 from recognition.stream.listen import BLOCK, KEPT, PART, Listener
-from recognition.stream.recognise import LEAST_FREQUENCY_SD, PHASE_LOSS, RATE_Hz, recognise_stream
+from recognition.stream.recognise import LEAST_FREQUENCY_SD, PHASE_LOSS, RATE_Hz, channels_of, recognise_stream
 from recognition.stream.stone_law import LearntLaw, Told
 from recognition.stream.stones import ratio_of
 from tests.recognition.elastic_stones import CHANNELS, after_noise, elastic_stone, surely_told
@@ -77,6 +77,18 @@ def test_another_plate_is_refused(heard, plate, forces):
 def test_a_faulty_channel_is_refused(heard, plate, forces, change, said):
     with pytest.raises(NotRecognised, match=said):
         recognise_stream(plate, CHANNELS, StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), change(heard[0].values))
+
+
+@pytest.mark.parametrize("rate_Hz", [20e3, 25e3, 51.2e3])
+def test_a_clipped_record_of_any_rate_is_refused(heard, plate, rate_Hz):
+    """Its level tops are no longer level once it is at the rate of listening."""
+    values = heard[0].values
+    t_s = np.arange(0, values.shape[1] / RATE_Hz - 1e-3, 1 / rate_Hz)
+    names = [f"acc_{name}_m_s2" for name in plate.sensor_names]
+    table = pd.DataFrame({name: np.interp(t_s, np.arange(values.shape[1]) / RATE_Hz, one)
+                          for name, one in zip(names, values, strict=True)}).clip(-0.3 * values.max(), 0.3 * values.max())
+    with pytest.raises(NotRecognised, match="clipped"):
+        channels_of(table.assign(t_s=t_s), plate, "record")
 
 
 def test_stones_of_another_size_are_heard(heard, plate, forces):
@@ -295,7 +307,7 @@ def test_times_are_those_of_the_centres(heard):
 def test_bad_input_of_the_command(plate, tmp_path, capsys, change, options, said):
     table = pd.DataFrame({"t_s": np.arange(4000) / RATE_Hz, "acc_north_m_s2": np.sin(np.arange(4000.0))})
     change(table).to_parquet(tmp_path / "record.parquet")
-    plate.save(tmp_path / "plate.json")
+    plate.below(400.0).save(tmp_path / "plate.json")
     words = ["listen", str(tmp_path / "record.parquet"), "--plate", str(tmp_path / "plate.json"), "--out",
              str(tmp_path / "out"), "--radius", "0.025", "0.025", "--speed", "2", "4", *options]
     assert main(words) == 2

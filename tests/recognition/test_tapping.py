@@ -146,7 +146,7 @@ def test_swapped_sensors_are_refused(truth, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("old", "new", "said"), [
-    ("[0.11,", "[0.31,", "x_m = 0.31"), ("tap0.csv", "none.csv", "none.csv"), ("place_m", "z_m", "z_m")])
+    ("[0.11,", "[0.31,", "taps.0.place_m: x_m = 0.31"), ("tap0.csv", "none.csv", "none.csv"), ("place_m", "z_m", "z_m")])
 def test_bad_files_end_in_one_line(truth, tmp_path, capsys, old, new, said):
     words = write_taps(tmp_path, hammer_taps(truth, PLACES, np.random.default_rng(7), rate_Hz=8e3), truth.sensor_names)
     file = tmp_path / "taps.toml"

@@ -14,7 +14,6 @@ import pytest
 import report.page
 from analysis import read_run
 from analysis.sweep.breakage import broken_bonds, damage, fragment_shares
-from report.page import write_report
 from tests.analysis.synthetic import write_sweep
 from tests.report.synthetic_view import T_S, centre_m, write_view
 
@@ -31,7 +30,7 @@ def sweep(tmp_path_factory):
     networks = {ratio: write_view(path / f"ratio_{ratio}") for ratio in ("020", "050")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(report.page, "are_papers", lambda runs: True)
-        return path, write_report(path), networks["050"]
+        return path, report.page.report(path).report, networks["050"]
 
 
 @pytest.fixture(scope="module")

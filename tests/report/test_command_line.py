@@ -43,5 +43,5 @@ def test_ends_without_a_traceback(monkeypatch, capsys, error, code, line):
     def fails(directory):
         raise error
 
-    monkeypatch.setattr(report.page, "write_report", fails)
+    monkeypatch.setattr(report.page, "report", fails)
     assert line in ends_with(capsys, code, "runs")

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis import RecordError
 from report.__main__ import main
 from report.comparison import compared
 from tests.analysis.synthetic import write_run, write_sweep
@@ -66,6 +67,14 @@ def test_curves_differ_by_what_was_added_to_one(runs):
         assert curve.b - curve.a == pytest.approx(0.5)
         assert curve.percent_rms == pytest.approx(50 / np.sqrt(np.mean(curve.a**2)))
     assert curves[0].t_s[-1] <= 1e-3 < curves[1].t_s[-1]
+
+
+@pytest.mark.parametrize("table", ["signals", "fast"])
+def test_a_sample_that_is_no_number_is_named(runs, table):
+    file = runs[1] / f"{table}.parquet"
+    pd.read_parquet(file).assign(force_N=lambda t: t["force_N"].where(t.index != 7)).to_parquet(file)
+    with pytest.raises(RecordError, match=rf"second/{table}\.parquet: force_N: sample 7 is nan"):
+        compared(*runs).pairs[0].curves()
 
 
 def test_rates_and_lengths_may_differ(runs):

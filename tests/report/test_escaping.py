@@ -8,9 +8,8 @@ import pytest
 
 import report.comparison
 import report.page
-from report.comparison import Curve, draw_curve, write_comparison
+from report.comparison import Curve, compare, draw_curve
 from report.drawing.style import to_uri
-from report.page import write_report
 from tests.analysis.synthetic import write_run
 from tests.report.synthetic_view import write_view
 
@@ -71,7 +70,7 @@ def sweeps(tmp_path_factory):
 
 def test_a_report_has_no_element_more(sweeps, monkeypatch):
     monkeypatch.setattr(report.page, "CHAPTERS", report.page.CHAPTERS[:1])  # drawing takes its time
-    harmless, evil = (Elements(write_report(sweep).read_text()) for sweep in sweeps)
+    harmless, evil = (Elements(report.page.report(sweep).report.read_text()) for sweep in sweeps)
     assert evil.found == harmless.found
     films = [json.loads(script) for script in evil.scripts if '"bodies"' in script[:200]]
     assert [film["plate"]["rods"][0][EVIL] for film in films] == [EVIL]
@@ -80,7 +79,7 @@ def test_a_report_has_no_element_more(sweeps, monkeypatch):
 def test_a_comparison_has_no_element_more(sweeps, tmp_path, monkeypatch):
     monkeypatch.setattr(report.comparison, "_figures", lambda *_: [("data:,", EVIL)])
     harmless, evil = sweeps
-    pages = [write_comparison(a, b, tmp_path / f"{k}.html") for k, (a, b) in enumerate([sweeps, (evil, harmless)])]
+    pages = [compare(a, b, tmp_path / f"{k}.html").page for k, (a, b) in enumerate([sweeps, (evil, harmless)])]
     one, other = (Elements(page.read_text()) for page in pages)
     assert one.found == other.found and not {"script", "onerror"} & {word for tag, names in one.found
                                                                      for word in (tag, *names)}

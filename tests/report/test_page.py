@@ -12,7 +12,7 @@ from common.files.output_directory import files_in, hash_of, refuse_replacing, w
 from common.resources import resource
 from common.scene.scene import changed_scene
 from common.tables import InputError
-from report.page import are_papers, digits, write_report
+from report.page import are_papers, digits
 from tests.analysis import synthetic
 from tests.analysis.synthetic import write_run, write_sweep
 
@@ -24,7 +24,7 @@ def papers(tmp_path_factory):
     (path / "ratio_010").mkdir()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(report.page, "are_papers", lambda runs: True)
-        return write_report(path)
+        return report.page.report(path).report
 
 
 def words_of(file):
@@ -59,7 +59,7 @@ def test_a_run_alone_has_its_page_whatever_its_name_is(tmp_path, monkeypatch, pa
     run = write_run(tmp_path / "mine", 0.5)
     summary = json.loads((run / "run.json").read_text())
     (run / "run.json").write_text(json.dumps(summary | {"warnings": ["plate.thickness_m = 0.05: too thick"]}))
-    page = write_report(run)
+    page = report.page.report(run).report
     html, words = page.read_text(), words_of(page)
     assert "Warning plate.thickness_m = 0.05: too thick" in words
     assert page == run / "report.html" and 'id="fig-felt"' in html and 'id="fig-16"' in html
@@ -73,7 +73,7 @@ def test_a_run_alone_has_its_page_whatever_its_name_is(tmp_path, monkeypatch, pa
 def test_a_report_in_a_run_does_not_keep_the_run_from_being_replaced(tmp_path):
     run = write_run(tmp_path / "mine", 0.5)
     write_contents(run, "run", {name: hash_of(run / name) for name in files_in(run)})
-    write_report(run)
+    report.page.report(run)
     refuse_replacing(run, "run")  # raises for a file that is not of the run:
     (run / "mine.txt").write_text("")
     with pytest.raises(InputError, match=r"mine\.txt, which this program did not write"):
@@ -102,7 +102,7 @@ KEPT = re.compile(r"paper|scoreboard|Yang|statements|soft coal|0\.99079|Table \d
 def test_a_page_of_another_scene_holds_no_kept_value(tmp_path, monkeypatch, changes):
     scene = synthetic.SCENE | {"plate": synthetic.SCENE["plate"] | changes}
     monkeypatch.setattr(synthetic, "SCENE", scene)  # whose name is the paper's
-    page = write_report(write_sweep(tmp_path / "mine", ratios=(0.0, 0.5, 1.0)))
+    page = report.page.report(write_sweep(tmp_path / "mine", ratios=(0.0, 0.5, 1.0))).report
     said = words_of(page).partition("Assumed by the scene")[0]  # which comes from the runs
     assert KEPT.findall(said) == [] and not (page.parent / "claims.csv").exists()
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import report.page
 from analysis import RecordError, read_run
 from analysis.sweep import breakage
 from analysis.sweep.runs import fallen, is_stream, true_ratio
@@ -17,7 +18,6 @@ from common.scene.scene import changed_scene
 from dem.run.prepare import prepare
 from dem.run.run import run_scene
 from recognition.stream.stones import COLUMNS
-from report.page import write_report
 from report.stream.figures import fell, hits
 from report.stream.results import HEARD_WINDOW_S, StreamResults
 
@@ -35,7 +35,7 @@ def run(tmp_path_factory):
 
 
 def test_the_page_of_a_stream_holds_everything_inside(run):
-    html = write_report(run.path.parent).read_text()
+    html = report.page.report(run.path.parent).report.read_text()
     assert not re.search(r'(?:src|href)="(?!data:|#)', re.sub(r"<script>.*?</script>", "", html, flags=re.DOTALL))
     for key in ("felt", "fell", "hits", "pieces"):
         assert f'id="ratio_030-stream-{key}"' in html
@@ -98,7 +98,7 @@ def test_what_was_heard_stands_beside_what_fell(run, tmp_path):
     write_parquet(pd.DataFrame({"t_s": [0.01], "ratio": [0.3]}), copy / "heard" / "ratio.parquet")
     found = StreamResults(read_run(copy / run.path.name)).heard
     assert found.heard["mass_ratio"].iloc[-1] == pytest.approx(true_ratio(stones, 0.0, HEARD_WINDOW_S), abs=0.02)
-    assert 'id="ratio_030-stream-heard"' in write_report(copy).read_text()
+    assert 'id="ratio_030-stream-heard"' in report.page.report(copy).report.read_text()
 
 
 @pytest.mark.parametrize("force_N", [3000.0, 0.0])

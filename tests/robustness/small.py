@@ -1,10 +1,14 @@
 """Small scenes, and programs started beside the tests."""
 
+import contextlib
+import io
 import os
 import subprocess
 import sys
 import time
 from pathlib import Path
+
+from gangue.__main__ import door
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = ROOT / "scenes"
@@ -32,11 +36,12 @@ def start(*arguments, **options):
     return subprocess.Popen([sys.executable, "-m", *map(str, arguments)], **options)
 
 
-def run(*arguments, **options):
-    """Exit code, output and errors of a package of the project."""
-    process = start(*arguments, **options)
-    output, errors = process.communicate(timeout=3000)
-    return process.returncode, output, errors
+def run(package, *words):
+    """Exit code, output and errors of a command line of a package, in this process."""
+    output, errors = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
+        code = door(package)([str(word) for word in words])
+    return code, output.getvalue(), errors.getvalue()
 
 
 def what_was_said(errors):
