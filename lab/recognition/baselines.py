@@ -1,5 +1,5 @@
-"""What the laboratory compares with the methods of a model: the impulse, which takes the mean velocity of the plate, and a
-straight line; and two oracles."""
+"""What the laboratory compares with the methods of a model: the likelihood of arrangements where nobody tells it where stones
+fall; the impulse, which takes the mean velocity of the plate, and a straight line; and two oracles."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from recognition.estimation.noise import noisy_copies
 from recognition.estimation.window import channels_of
 from recognition.methods import METHODS
 from recognition.physics.arrangement_likelihood import ArrangementEstimate
+from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.regression.feature_regression import FeatureRegression
 
 DRAWS = 4000
@@ -153,6 +154,7 @@ def _line() -> EstimatorMethod:
 
 
 BASELINES: Registry = {
+    "likelihood_sought": MethodEntry("arrangements on places that are sought", ArrangementLikelihood, seeks_impact=True),
     "impulse": MethodEntry("impulse from plate and rods", ImpulseRegression),
     "rms_line": MethodEntry("RMS and a straight line", _line),
     "oracle_of_sum": MethodEntry("true impulse and peak of all stones", OracleOfSum, told=True),

@@ -10,8 +10,10 @@ are fitted together.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import fftconvolve
 
@@ -27,17 +29,18 @@ COMPONENTS, WIDEST = 5, 4.0  # of what scatters; standard deviations that a coef
 GRID_M, GRID_S = 0.02, 4e-5  # on which a stone is put first
 SMALLEST, LARGEST = 0.3, 2.5  # factors on the mean force with which it is put there
 TIME_S, PLACE_M = 1e-5, 2e-3  # typical changes of an arrival and a place in a fit
+HEARD_S = 5e-4  # of a stone's force, at least
 LEAST_LEFT = 0.02  # of the power of a response that must be left when what others can explain is taken out of it
 EVALUATIONS = 8  # of a fit
 TRIED, NEAR_S, NEAR_M = 3, 1.5e-4, 0.05  # stones that are tried as the next, and how near no two of them are
-ENOUGH, ROUNDS = 1.3, 4  # mean square that is left, at which each stone in turn is no more sought anew; rounds at most
+ENOUGH, BETTER = 1.3, 0.98  # mean square that is left, above which each stone is sought anew; factor on it that counts
 FIRST = 3  # numbers of a stone before its coefficients: arrival, x, y
 
 
 @dataclass(frozen=True)
 class FallSearch:
-    """seen: the plate and the law of a model; motion (forms, 2, n, steps): acceleration and amplitude of each mode under
-    the forms of the force, as records take them, from `begin` on; grid (places x times, 3): arrivals and places;
+    """seen: the plate and the law of a model; motion (steps, forms, 2, n): acceleration and amplitude of each mode
+    under the forms of the force, as records take them, from `begin` on; grid (places x times, 3): arrivals and places;
     response (places x times, channels, samples): to f_0 there, single precision."""
 
     seen: Seen
@@ -45,23 +48,25 @@ class FallSearch:
     begin: int
     latest_s: float
     grid: Floats
-    response: Floats
+    response: NDArray[np.float32]
 
     @classmethod
     def of(cls, model: ArrangementModel, latest_s: float) -> FallSearch:
-        """For records of a model, whose stones arrive up to latest_s after the beginning."""
+        """For records of a model, whose stones arrive until latest_s, and HEARD_S before the end."""
+        latest_s = min(latest_s, (model.samples - 1) * model.stride * model.step_s - HEARD_S)
         plate = FlexiblePlate.model_validate_json(model.plate_json)
         assert plate.max_frequency_Hz is not None
         seen = Seen(PlateModel.from_scene(plate, plate.max_frequency_Hz), model)
         filtered, begin = low_pass(model.stride) if model.anti_alias else (np.ones(1), 0)
         motion = np.array([_motion(seen.plate, force, model.step_s, filtered) for force in _forms(model)])
-        search = cls(seen, motion, begin, latest_s, np.empty((0, FIRST)), np.empty(0))
+        motion = np.ascontiguousarray(np.moveaxis(motion, -1, 0))
+        search = cls(seen, motion, begin, latest_s, np.empty((0, FIRST)), np.empty(0, np.float32))
         along = [np.arange(lines[0] + GRID_M / 2, lines[-1], GRID_M)
                  for lines in (seen.plate.lines_x_m, seen.plate.lines_y_m)]
         x, y = (one.ravel() for one in np.meshgrid(*along))
         times = np.arange(0.0, latest_s, GRID_S)
         down = -seen.plate.shape(x, y)
-        response = np.stack([search._sensed(search._at(t)[0][0], down) for t in times], axis=1).astype(np.float32)
+        response = np.stack([search._sensed(search._at(t)[0][:, 0], down) for t in times], axis=1).astype(np.float32)
         grid = np.array([(t, *place) for place in zip(x, y, strict=True) for t in times])
         return cls(seen, motion, begin, latest_s, grid, response.reshape(len(grid), *response.shape[2:]))
 
@@ -71,33 +76,34 @@ class FallSearch:
         model = self.seen.model
         sd = np.hypot(model.residual[channels] * model.scale[channels], noise)
         fit = _Fit(self, channels, signals / sd[:, None], 1 / sd)
-        stones, left = np.empty((0, FIRST + len(self.motion) - 1)), np.inf
+        stones, left = np.empty((0, FIRST + self.motion.shape[1] - 1)), np.inf
         for _ in range(model.stones):
             stones, left = fit.with_one_more(stones)
-        for _ in range(ROUNDS * model.stones):
-            if left < ENOUGH:
-                break
+        settled = 0  # stones that were sought anew one after the other and are where they were
+        while left > ENOUGH and settled < model.stones:
             other, by_other = fit.with_one_more(np.delete(stones, 0, axis=0))
-            stones, left = (other, by_other) if by_other < left else (np.roll(stones, -1, axis=0), left)
+            better = by_other < BETTER * left
+            stones, left, settled = (other, by_other, 0) if better else (np.roll(stones, -1, axis=0), left, settled + 1)
         return Fall(stones[:, 1:FIRST], stones[:, 0])
 
     def _at(self, arrival_s: float) -> tuple[Floats, Floats]:
-        """Motion (forms, 2, n, samples) of the modes at the samples, and its derivative by the arrival."""
+        """Motion (samples, forms, 2, n) of the modes, and its derivative by the arrival."""
         model = self.seen.model
         at = self.begin + model.stride * np.arange(model.samples) - arrival_s / model.step_s
         low = np.floor(at).astype(int)
-        share, before, after = at - low, *(np.where(k >= 0, self.motion[..., np.maximum(k, 0)], 0.0)
-                                           for k in (low, low + 1))
+        share = (at - low)[:, None, None, None]
+        before, after = (self.motion[np.maximum(k, 0)] * (k >= 0)[:, None, None, None] for k in (low, low + 1))
         return (1 - share) * before + share * after, (before - after) / model.step_s
 
     def _sensed(self, modal: Floats, down: Floats) -> Floats:
-        """Signals (..., k, channels, samples) of motion (..., 2, n, samples) by forces on k places, whose modes have
+        """Signals (..., k, channels, samples) of motion (samples, ..., 2, n) by forces on k places, whose modes have
         `down` (k, n) of them."""
         observed, rod = self.seen.observed, self.seen.is_rod
-        out = np.empty((*modal.shape[:-3], len(down), len(rod), modal.shape[-1]))
+        out = np.empty((*modal.shape[:-2], len(down), len(rod)))
         for kind, chosen in enumerate((~rod, rod)):
-            out[..., chosen, :] = (observed[chosen] * down[:, None]) @ modal[..., kind, :, :][..., None, :, :]
-        return out
+            share = observed[chosen] * down[:, None]  # (k, channels, n)
+            out[..., chosen] = np.tensordot(modal[..., kind, :], share, (-1, -1))
+        return np.moveaxis(out, 0, -1)
 
     def stone(self, numbers: Floats) -> tuple[Floats, Floats]:
         """Signals (channels, samples) of one stone, and their derivatives (numbers, channels, samples)."""
@@ -108,8 +114,8 @@ class FallSearch:
         place = -self.seen.plate.shape(*self._inside(np.array([x, y]) + moved).T)
         slopes = (place[1::2] - place[2::2]) / SMALL_M
         each = self._sensed(by_form, place[:1])[:, 0]
-        later = self._sensed(np.tensordot(weight, by_time, 1), place[:1])
-        across = self._sensed(np.tensordot(weight, by_form, 1), slopes)
+        later, across = (self._sensed(np.einsum("f,sfkn->skn", weight, one), down)
+                         for one, down in ((by_time, place[:1]), (by_form, slopes)))
         return np.tensordot(weight, each, 1), np.concatenate([later, across, each[1:]])
 
     def _inside(self, place_m: Floats) -> Floats:
@@ -145,6 +151,16 @@ class _Fit:
     white: Floats
     weight: Floats
 
+    @cached_property
+    def _response(self) -> NDArray[np.float32]:
+        """(places x times, d): of a stone with the mean force, in units of noise."""
+        weighted = self.search.response[:, self.channels] * self.weight[:, None].astype(np.float32)
+        return weighted.reshape(len(weighted), -1)
+
+    @cached_property
+    def _power(self) -> NDArray[np.float32]:
+        return np.asarray(np.einsum("gd,gd->g", self._response, self._response))
+
     def _of(self, stones: Floats) -> tuple[Floats, Floats]:
         """What stones leave of the record (d,), and the derivatives (d, numbers of all stones) of their signals."""
         found = [self.search.stone(one) for one in stones]
@@ -165,11 +181,8 @@ class _Fit:
         left, slopes = self._of(stones)
         known = np.linalg.qr(slopes)[0]
         left = left - known @ (known.T @ left)
-        weight = np.repeat(self.weight, self.white.shape[1])
-        response, grid = self.search.response[:, self.channels], self.search.grid
-        response = response.reshape(len(grid), -1)
-        product = response @ np.column_stack([left * weight, known * weight[:, None]]).astype(np.float32)
-        power = response**2 @ (weight**2).astype(np.float32)
+        response, power, grid = self._response, self._power, self.search.grid
+        product = response @ np.column_stack([left, known]).astype(np.float32)
         own = np.maximum(power - (product[:, 1:] ** 2).sum(axis=1), LEAST_LEFT * power)
         size = np.clip(product[:, 0] / own, SMALLEST, LARGEST)
         explained, found = 2 * size * product[:, 0] - size**2 * own, list[Floats]()
@@ -177,7 +190,7 @@ class _Fit:
             found.append(grid[np.argmax(explained)])
             near = (abs(grid - found[-1]) <= [NEAR_S, NEAR_M, NEAR_M]).all(axis=1)
             explained[near] = -np.inf
-        return np.pad(found, ((0, 0), (0, len(self.search.motion) - 1)))
+        return np.pad(found, ((0, 0), (0, self.search.motion.shape[1] - 1)))
 
     def fitted(self, stones: Floats) -> tuple[Floats, float]:
         """The stones after a fit of all their numbers, and the mean square of what they leave, of one where it is
@@ -194,9 +207,15 @@ class _Fit:
 
         low, high = self.search.edges
         wide = np.full(numbers - FIRST, WIDEST)
-        found = least_squares(
-            lambda flat: np.r_[both(flat)[0], flat[coefficients]], stones.ravel(),
-            lambda flat: np.vstack([-both(flat)[1], np.eye(flat.size)[coefficients]]), max_nfev=EVALUATIONS,
-            bounds=(np.tile(np.r_[-GRID_S, low, -wide], count), np.tile(np.r_[self.search.latest_s, high, wide], count)),
-            x_scale=np.tile(np.r_[TIME_S, PLACE_M, PLACE_M, np.ones(numbers - FIRST)], count), ftol=1e-4)
+        def off(flat: Floats) -> Floats:
+            return np.r_[both(flat)[0], flat[coefficients]]
+
+        def slopes(flat: Floats) -> Floats:
+            return np.vstack([-both(flat)[1], np.eye(flat.size)[coefficients]])
+
+        least = np.tile(np.r_[-GRID_S, low, -wide], count)
+        most = np.tile(np.r_[self.search.latest_s, high, wide], count)
+        scale = np.tile(np.r_[TIME_S, PLACE_M, PLACE_M, np.ones(numbers - FIRST)], count)
+        found = least_squares(off, stones.ravel(), slopes, bounds=(least, most), x_scale=scale, ftol=1e-4,
+                              max_nfev=EVALUATIONS)
         return found.x.reshape(count, numbers), 2 * float(found.cost) / self.white.size

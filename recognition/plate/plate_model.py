@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol, Self
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import NdBSpline, make_interp_spline
 from scipy.signal import lfilter
 
 from common.files.cache import user_cache
@@ -115,8 +115,7 @@ class PlateModel:
             if off.any():
                 raise RecognitionError(f"{name} = {values[off][0]:g}; must lie on the plate, between {lines[0]:g} and "
                                        f"{lines[-1]:g}")
-        along_x, along_y = self.splines
-        return np.asarray(np.einsum("ni,nj,ijm->nm", along_x(x), along_y(y), self.grid_shape, optimize=True), float)
+        return np.asarray(self._spline(np.column_stack([x, y])), float)
 
     def below(self, limit_Hz: float) -> Self:
         """The plate with its modes below a frequency alone."""
@@ -129,6 +128,12 @@ class PlateModel:
         """For either axis, the function of the weights (n, lines) of its grid lines at coordinates (n,)."""
         x, y = (make_interp_spline(lines, np.eye(len(lines)), k=3) for lines in (self.lines_x_m, self.lines_y_m))
         return x, y
+
+    @cached_property
+    def _spline(self) -> NdBSpline:
+        along_y = make_interp_spline(self.lines_y_m, self.grid_shape, k=3, axis=1)
+        along_x = make_interp_spline(self.lines_x_m, np.moveaxis(along_y.c, 0, 1), k=3)
+        return NdBSpline((along_x.t, along_y.t), along_x.c, 3)
 
     @property
     def rms_shape(self) -> Floats:

@@ -1,4 +1,4 @@
-"""Data sets of stones that vary: what tells their groups apart, and that methods of known places refuse them."""
+"""Data sets of stones that vary: what tells their groups apart, and where and when their stones fell."""
 
 import json
 from dataclasses import replace
@@ -12,7 +12,8 @@ from plate_fem.modes import plate_modes
 from recognition.estimation.errors import RecognitionError
 from recognition.evaluation.dataset import read_dataset
 from recognition.physics.arrangement_fit import alike
-from recognition.physics.arrangement_method import ArrangementLikelihood, PlateRecord
+from recognition.physics.arrangement_method import LATEST_FALL_S, ArrangementLikelihood, PlateRecord
+from recognition.physics.falls import FallSearch
 from recognition.physics.force_records import Fall, ForceRecord, fall_of
 from tests.analysis.synthetic import write_run
 from tests.recognition.test_arrangement_likelihood import LATE, NAMES, SAMPLES, SAMPLE_s, STEP_s, plate, record
@@ -72,18 +73,37 @@ def own_draw(count, seed, tmp):
     return X, np.array(ratios)
 
 
-def test_where_and_when_stones_fall_is_told_with_each_record(tmp_path):
-    X, ratios = own_draw(16, 1, tmp_path)
-    others, truth = own_draw(8, 2, tmp_path)
+@pytest.fixture(scope="module")
+def own_falls(tmp_path_factory):
+    """A method that learnt from records with falls of their own; other records, and their ratios."""
+    tmp = tmp_path_factory.mktemp("modes")
+    X, ratios = own_draw(16, 1, tmp)
     chosen, own = alike(X)
     assert own and len(chosen) == 16
     method = ArrangementLikelihood(exact_trigger=True).fit(X, ratios, groups=np.arange(16))
+    return method, *own_draw(8, 2, tmp)
+
+
+def test_where_and_when_stones_fall_is_told_with_each_record(own_falls):
+    method, others, truth = own_falls
     answers = method.answer(others)
     assert np.abs([one.ratio for one in answers] - truth).mean() < 0.02
     assert all(one.low <= ratio <= one.high for one, ratio in zip(answers, truth, strict=True))
-    with pytest.raises(RecognitionError, match="does not tell where and when"):
-        method.answer([replace(others[0], fall=None)])
     wrong = [replace(x, fall=Fall(-x.fall.place_m, x.fall.arrival_s)) for x in others]
     assert all(one.out_of_distribution for one in method.answer(wrong))
     late = [replace(x, fall=Fall(x.fall.place_m, x.fall.arrival_s[::-1])) for x in others]
     assert sum(bool(one.out_of_distribution) for one in method.answer(late)) >= 6
+
+
+def test_where_and_when_stones_fell_is_sought_where_it_is_not_told(own_falls):
+    """The records are of the plate's motion in small steps, on another basis than the search has."""
+    method, others, truth = own_falls
+    search = FallSearch.of(method.model_, LATEST_FALL_S)
+    for x in others[:3]:
+        found = search.fall(x.signals[:, :method.model_.samples], x.noise, np.arange(len(NAMES)))
+        off_m = np.linalg.norm(found.place_m[:, None] - x.fall.place_m, axis=2)
+        nearest = off_m.argmin(axis=0)
+        assert sorted(nearest) == [0, 1, 2] and off_m.min(axis=0).max() < 5e-3
+        assert found.arrival_s[nearest] == pytest.approx(x.fall.arrival_s, abs=2e-5)
+    for ratio, answer in zip(truth[3:6], method.answer([replace(x, fall=None) for x in others[3:6]]), strict=True):
+        assert answer.ratio == pytest.approx(ratio, abs=0.05) and answer.low <= ratio <= answer.high
