@@ -152,7 +152,7 @@ KEPT_BY = ["dem/stones/contact_patch.py", "plate_fem/modes.py", "dem/stones/pack
 
 
 @pytest.mark.parametrize("code, used, unused", [
-    (KEPT_BY[0], "plate_fem/solution/eigen.py", "plate_fem/motion.py"),
+    (KEPT_BY[0], "common/scene/stones.py", "plate_fem/solution/eigen.py"),
     (KEPT_BY[2], "dem/stones/solids.py", "dem/stones/bonds.py"),
     (KEPT_BY[1], "plate_fem/solution/model.py", "plate_fem/commands.py"),
     (KEPT_BY[1], "common/scene/plate.py", "common/scene/scene.py")])
