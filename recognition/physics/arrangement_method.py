@@ -31,7 +31,7 @@ from recognition.estimation.window import channel_names, channels_of
 from recognition.physics.arrangement_fit import DURATION_S, PlateRecord, distance_reference, fit_model, told, used
 from recognition.physics.arrangement_likelihood import DISTANCES, LATEST_S, ArrangementModel, ExpectedMisfit
 from recognition.physics.falls import FallSearch
-from recognition.physics.force_records import ForceRecord, fall_of, force_record_of
+from recognition.physics.force_records import Fall, ForceRecord, fall_of, force_record_of
 from recognition.physics.seen import Seen, columns_of
 from recognition.plate.plate_model import PlateModel
 
@@ -104,7 +104,10 @@ class ArrangementLikelihood:
             raise RecognitionError(f"no column {min(unknown)!r} in the training; it has {', '.join(known)}")
         signals, channels = x.signals[:, :model.samples], np.array([known.index(name) for name in x.names])
         if model.own_falls:
-            fall = search().fall(signals, x.noise, channels) if x.fall is None else x.fall
+            fall = x.fall
+            if fall is None:
+                signals, fall = _from_the_first(signals, search().fall(signals, x.noise, channels),
+                                                model.stride * model.step_s)
             model, arrival_s = told(model, fall), 0.0
         found = model.estimate(signals, x.noise, arrival_s=arrival_s, channels=channels)
         far = self.expected_.distances(found)
@@ -114,6 +117,13 @@ class ArrangementLikelihood:
         m = self.model_
         return (f"{m.stones} stones, {m.low_m_s:.3g} to {m.high_m_s:.3g} m/s,"
                 f" {m.samples} samples of {m.scale.size} signals")
+
+
+def _from_the_first(signals: Floats, fall: Fall, sample_s: float) -> tuple[Floats, Fall]:
+    """Signals (m, samples) from before the first stone arrives on, where all is at rest, and the fall by them."""
+    early = int(np.ceil(max(0.0, -fall.arrival_s.min()) / sample_s))
+    before = np.pad(signals, ((0, 0), (early, 0)))[:, :signals.shape[1]]
+    return before, replace(fall, arrival_s=fall.arrival_s + early * sample_s)
 
 
 def _force_record(run: Run | None, sample_s: float) -> ForceRecord | None:

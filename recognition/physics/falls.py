@@ -20,7 +20,7 @@ from scipy.signal import fftconvolve
 from analysis.signals.resampling import low_pass
 from common.scene.plate import FlexiblePlate
 from recognition.estimation.arrays import Floats, Integers
-from recognition.physics.arrangement_likelihood import SMALL_M, ArrangementModel, hats
+from recognition.physics.arrangement_likelihood import LATEST_S, SMALL_M, ArrangementModel, hats
 from recognition.physics.force_records import Fall
 from recognition.physics.seen import Seen
 from recognition.plate.plate_model import PlateModel, modal_steps
@@ -52,7 +52,8 @@ class FallSearch:
 
     @classmethod
     def of(cls, model: ArrangementModel, latest_s: float) -> FallSearch:
-        """For records of a model, whose stones arrive until latest_s, and HEARD_S before the end."""
+        """For records of a model, whose stones arrive from LATEST_S before the beginning until latest_s, and HEARD_S
+        before the end."""
         latest_s = min(latest_s, (model.samples - 1) * model.stride * model.step_s - HEARD_S)
         plate = FlexiblePlate.model_validate_json(model.plate_json)
         assert plate.max_frequency_Hz is not None
@@ -64,7 +65,7 @@ class FallSearch:
         along = [np.arange(lines[0] + GRID_M / 2, lines[-1], GRID_M)
                  for lines in (seen.plate.lines_x_m, seen.plate.lines_y_m)]
         x, y = (one.ravel() for one in np.meshgrid(*along))
-        times = np.arange(0.0, latest_s, GRID_S)
+        times = np.arange(-LATEST_S, latest_s, GRID_S)
         down = -seen.plate.shape(x, y)
         response = np.stack([search._sensed(search._at(t)[0][:, 0], down) for t in times], axis=1).astype(np.float32)
         grid = np.array([(t, *place) for place in zip(x, y, strict=True) for t in times])
@@ -213,7 +214,7 @@ class _Fit:
         def slopes(flat: Floats) -> Floats:
             return np.vstack([-both(flat)[1], np.eye(flat.size)[coefficients]])
 
-        least = np.tile(np.r_[-GRID_S, low, -wide], count)
+        least = np.tile(np.r_[-LATEST_S, low, -wide], count)
         most = np.tile(np.r_[self.search.latest_s, high, wide], count)
         scale = np.tile(np.r_[TIME_S, PLACE_M, PLACE_M, np.ones(numbers - FIRST)], count)
         found = least_squares(off, stones.ravel(), slopes, bounds=(least, most), x_scale=scale, ftol=1e-4,

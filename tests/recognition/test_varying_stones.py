@@ -54,8 +54,9 @@ def test_stones_that_arrive_as_scattered_do_not_fall_at_once(tmp_path):
         alike([empty] * 5)
 
 
-def own_draw(count, seed, tmp):
-    """Records of three stones on places and with arrivals of their own, step by step on the plate's modes."""
+def own_draw(count, seed, tmp, late=0):
+    """Records of three stones on places and with arrivals of their own, step by step on the plate's modes. They begin
+    `late` steps after the first could arrive."""
     table, rng, X, ratios = plate(), np.random.default_rng(seed), [], []
     modes = plate_modes(table, tmp, np.empty((0, 2)))
     steps = round((SAMPLES + 2 * LATE) * SAMPLE_s / STEP_s)
@@ -66,7 +67,7 @@ def own_draw(count, seed, tmp):
         gangue = rng.permutation(3) < rng.integers(4)
         share = np.clip((t_s[:, None] - fall.arrival_s) / 2.5e-4, 0, 1)
         force = 3000.0 * np.sin(np.pi * share) * np.where(gangue, 1.8, 1.0) * rng.lognormal(0, 0.05, 3)
-        values, sd = record(modes, force, 0.01, rng, places_m=place)
+        values, sd = record(modes, force, 0.01, rng, late, place)
         forces = ForceRecord(table, tmp, fall, place, 3.0, SAMPLE_s, STEP_s, force.T, gangue)
         X.append(PlateRecord(values, sd, NAMES, forces, fall))
         ratios.append(gangue.mean())
@@ -107,3 +108,11 @@ def test_where_and_when_stones_fell_is_sought_where_it_is_not_told(own_falls):
         assert found.arrival_s[nearest] == pytest.approx(x.fall.arrival_s, abs=2e-5)
     for ratio, answer in zip(truth[3:6], method.answer([replace(x, fall=None) for x in others[3:6]]), strict=True):
         assert answer.ratio == pytest.approx(ratio, abs=0.05) and answer.low <= ratio <= answer.high
+
+
+def test_a_stone_may_have_arrived_before_the_record_begins(own_falls, tmp_path):
+    """As it has where the first sample that shows an impact is a little after it."""
+    (*_, x), (*_, ratio) = own_draw(8, 2, tmp_path, late=8)
+    assert x.fall.arrival_s.min() < 8 * STEP_s
+    (answer,) = own_falls[0].answer([replace(x, fall=None)])
+    assert answer.ratio == pytest.approx(ratio, abs=0.05) and not answer.out_of_distribution
