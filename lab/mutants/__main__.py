@@ -67,7 +67,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--jobs", metavar="N", type=int, default=2, help="so many at once")
     parser.add_argument("--timeout", metavar="S", type=float, default=300,
                         help="what takes longer is given up, and tried again by the next call")  # fmt: skip
-    parser.add_argument("--work", metavar="DIR", type=Path, default=ROOT / "build" / "mutants",
+    parser.add_argument("--work", metavar="DIR", type=lambda name: Path(name).resolve(), default=ROOT / "build" / "mutants",
                         help="copies, engines and mutants.csv; a second call goes on there")  # fmt: skip
     parser.add_argument("--again", action="store_true", help="try those, too, whose row and tests are as they were")
     parser.add_argument("--unmutated", action="store_true", help="the named tests without a mutation: all must pass")
