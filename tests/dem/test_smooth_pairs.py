@@ -147,7 +147,8 @@ def test_stones_that_break_each_other_keep_the_energy_and_do_not_pass(tmp_path, 
     assert rows.column["broken"][-1].sum() > 50
     assert left_over(rows) < 3e-5  # of first order in the time step, twice this, if looks forget half a step
     friction = rows.column["friction_J"].sum(axis=1)
-    assert friction[-1] > 1e-3 and np.diff(friction).min() > -1e-12  # of released pairs at 12 m/s
+    assert friction[-1] > {6: 5e-4, 12: 1e-2}[speed_m_s]  # of released pairs at 12 m/s: their patches rub 2e-3 J before
+    assert np.diff(friction).min() > -1e-12
     last = list(read_dump(tmp_path / "deck" / "view.dump"))[-1][1]
     first, second = last[:prepared.assembly.sizes[0]], last[prepared.assembly.sizes[0]:]
     middle = np.average(first[:, 3], weights=first[:, 7])
