@@ -25,7 +25,7 @@ COLUMNS = ("name", "file", "outcome", "seconds", "by", "harmless", "state")
 OWN_ENGINE = ROOT / "build" / "engine" / "liggghts-bonded"
 Engines = dict[str, tuple[Path, int]]  # by the name of a mutation: the engine that has it, and its number there
 Refused = dict[str, str]  # by the name of a mutation: why it does not compile
-FAILED_TEST = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
+FAILED_TEST = re.compile(r"^(?:FAILED|ERROR) (\S.*?)(?: - |$)", re.MULTILINE)
 
 
 @dataclass(frozen=True)
