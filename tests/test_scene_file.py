@@ -65,6 +65,10 @@ def test_a_table_of_the_same_way_is_merged_key_by_key(tmp_path):
     base = read_scene(SCENES / "stream.toml").stones.drawn
     over = read_scene(written(tmp_path, 'base = "stream.toml"\nname = "x"\nstones.drawn.rate_1_s = 7.0\n'))
     assert over.stones.drawn == base.model_copy(update={"rate_1_s": 7.0}) != base
+    written(tmp_path, 'base = "stream.toml"\nname = "y"\nwithout = ["stones.drawn.rate_1_s"]\nstones.count = 3\n',
+            "counted.toml")
+    changed = written(tmp_path, 'base = "counted.toml"\nname = "z"\nstones.drawn.drop_height_m = 0.3\n', "changed.toml")
+    assert read_scene(changed).stones.count == 3  # as the base has it, of which no other way takes the place
 
 
 def test_a_material_by_its_name_is_that_of_its_file(tmp_path):

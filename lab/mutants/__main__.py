@@ -24,7 +24,8 @@ from lab.mutants.weave import WeaveError, build, weaves
 COLUMNS = ("name", "file", "outcome", "seconds", "by", "harmless", "state")
 OWN_ENGINE = ROOT / "build" / "engine" / "liggghts-bonded"
 Engines = dict[str, tuple[Path, int]]  # by the name of a mutation: the engine that has it, and its number there
-FAILED_TEST = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
+Refused = dict[str, str]  # by the name of a mutation: why it does not compile
+FAILED_TEST = re.compile(r"^(?:FAILED|ERROR) (\S.*?)(?: - |$)", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -47,10 +48,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         results = Results(options.work / "mutants.csv")
         todo = [mutant for mutant in mutants if options.again or results.state(mutant.name) != states[mutant.name]]
         runner = Runner(options.work, options.jobs, options.timeout)
-        engines = runner.build_engines(todo)
+        engines, refused = runner.build_engines(todo)
         if options.unmutated:
             return runner.try_unmutated(todo, engines)
-        runner.run(todo, engines, lambda mutant, outcome: results.add(mutant, states[mutant.name], outcome))
+        for mutant in (mutant for mutant in todo if mutant.name in refused):
+            results.add(mutant, states[mutant.name], Outcome("error", 0, refused[mutant.name]))
+        runner.run([mutant for mutant in todo if mutant.name not in refused], engines,
+                   lambda mutant, outcome: results.add(mutant, states[mutant.name], outcome))  # fmt: skip
     except (TableError, WeaveError) as error:
         print(error, file=sys.stderr)
         return 2
@@ -63,7 +67,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--jobs", metavar="N", type=int, default=2, help="so many at once")
     parser.add_argument("--timeout", metavar="S", type=float, default=300,
                         help="what takes longer is given up, and tried again by the next call")  # fmt: skip
-    parser.add_argument("--work", metavar="DIR", type=Path, default=ROOT / "build" / "mutants",
+    parser.add_argument("--work", metavar="DIR", type=lambda name: Path(name).resolve(), default=ROOT / "build" / "mutants",
                         help="copies, engines and mutants.csv; a second call goes on there")  # fmt: skip
     parser.add_argument("--again", action="store_true", help="try those, too, whose row and tests are as they were")
     parser.add_argument("--unmutated", action="store_true", help="the named tests without a mutation: all must pass")
@@ -120,14 +124,15 @@ class Runner:
         for job in range(jobs):
             self._copies.put(_copy_of_checkout(work / f"copy_{job}"))
 
-    def build_engines(self, mutants: Sequence[Mutant]) -> Engines:
+    def build_engines(self, mutants: Sequence[Mutant]) -> tuple[Engines, Refused]:
         """Raises WeaveError."""
-        engines: Engines = {}
+        engines, refused = Engines(), Refused()
         if any(mutant.is_of_engine for mutant in mutants):
             for k, group in enumerate(weaves(read_table())):  # of all, so that --only compiles nothing anew
-                engine = build(group, self._work / f"weave_{k}")
+                engine, not_in_it = build(group, self._work / f"weave_{k}")
                 engines |= {one.mutant.name: (engine, number) for number, one in enumerate(group, 1)}
-        return engines
+                refused |= not_in_it
+        return engines, refused
 
     def run(self, mutants: Sequence[Mutant], engines: Engines, tell: Callable[[Mutant, Outcome], None]) -> None:
         """Try mutations, and tell of each as soon as it is known."""

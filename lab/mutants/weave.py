@@ -7,9 +7,10 @@ Mutations of texts that overlap go into different engines.
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,8 +24,12 @@ inline bool mutant_acts(int number) { return acting_mutant == number; }
 """
 
 
+ERROR = re.compile(r"^(\S+?):(\d+):(\d+): error: (.*)", re.MULTILINE)  # as the compiler says it
+NUMBER = re.compile(r"mutant_acts\((\d+)\)")
+
+
 class WeaveError(Exception):
-    """An engine with mutations does not compile."""
+    """An engine with mutations does not compile, and no mutation stands where the compiler says so."""
 
 
 @dataclass(frozen=True)
@@ -67,24 +72,50 @@ def weaves(mutants: Sequence[Mutant]) -> list[list[Woven]]:
     return groups
 
 
-def build(group: Sequence[Woven], directory: Path) -> Path:
-    """Build the engine with all of a group, numbered from 1 in their order, and return it. Only what has changed since
-    the last build there is compiled. Raises WeaveError."""
-    sources = directory / "engine"
-    sources.mkdir(parents=True, exist_ok=True)
+def build(group: Sequence[Woven], directory: Path) -> tuple[Path, dict[str, str]]:
+    """Build the engine with all of a group, numbered from 1 in their order. Only what has changed since the last build
+    there is compiled. Return it, and what the compiler says of those that it refuses, by name: they are left out.
+    Raises WeaveError."""
+    sources, refused = directory / "engine", dict[str, str]()
+    while True:
+        _write(group, refused, sources)
+        make = shutil.which("make") or "make"
+        done = subprocess.run([make, "-k", "-j2", "-C", str(sources), f"BUILD={directory / 'build'}",
+                               f"CXX=mpicxx -include {sources / 'mutant_switch.h'}"],
+                              capture_output=True, text=True, check=False)  # fmt: skip
+        if not done.returncode:
+            return directory / "build" / "liggghts-bonded", refused
+        if not (more := _refused(group, sources, done.stderr)):
+            errors = [line for line in done.stderr.splitlines() if "error:" in line]
+            raise WeaveError("\n".join(errors or done.stderr.splitlines()[-20:]))
+        refused |= more
+
+
+def _write(group: Sequence[Woven], left_out: Container[str], sources: Path) -> None:
+    """Write the sources of the engine with a group in them, leave files alone that are so already, and remove others."""
     texts = {file.relative_to(ENGINE).as_posix(): file.read_text() for file in ENGINE.rglob("*") if file.is_file()}
-    for one, number in sorted(((one, k) for k, one in enumerate(group, 1)), key=lambda pair: -pair[0].start):
-        texts[one.file] = texts[one.file][: one.start] + one.text(number) + texts[one.file][one.end :]
-    for name, text in (texts | {"mutant_switch.h": SWITCH}).items():
+    for number, one in sorted(enumerate(group, 1), key=lambda pair: -pair[1].start):
+        if one.mutant.name not in left_out:
+            texts[one.file] = texts[one.file][: one.start] + one.text(number) + texts[one.file][one.end :]
+    texts["mutant_switch.h"] = SWITCH
+    for file in sources.rglob("*"):
+        if file.is_file() and file.relative_to(sources).as_posix() not in texts:
+            file.unlink()
+    for name, text in texts.items():
         file = sources / name
-        file.parent.mkdir(exist_ok=True)
+        file.parent.mkdir(parents=True, exist_ok=True)
         if not file.is_file() or file.read_text() != text:
             file.write_text(text)
-    make = shutil.which("make") or "make"
-    done = subprocess.run([make, "-k", "-j2", "-C", str(sources), f"BUILD={directory / 'build'}",
-                           f"CXX=mpicxx -include {sources / 'mutant_switch.h'}"],
-                          capture_output=True, text=True, check=False)  # fmt: skip
-    if done.returncode:
-        errors = [line for line in done.stderr.splitlines() if "error:" in line]
-        raise WeaveError("\n".join(errors or done.stderr.splitlines()[-20:]))
-    return directory / "build" / "liggghts-bonded"
+
+
+def _refused(group: Sequence[Woven], sources: Path, said: str) -> dict[str, str]:
+    """Return what the compiler said of the mutations in whose lines it found errors, by their names."""
+    found = dict[str, str]()
+    for file, line, column, message in ERROR.findall(said):
+        if (sources / file).is_file():
+            text = (sources / file).read_text().splitlines()[int(line) - 1]
+            places = list(NUMBER.finditer(text))
+            if places:
+                before = [place for place in places if place.start() < int(column)]
+                found.setdefault(group[int((before or places)[-1][1]) - 1].mutant.name, message)
+    return found

@@ -99,10 +99,10 @@ def test_on_a_plate_that_bends_it_is_the_elastic_sphere(runs):
     assert smooth["energy"]["plate_work_J"] == pytest.approx(sphere["energy"]["plate_work_J"], rel=0.01)
     assert smooth["impulse_N_s"] == pytest.approx(sphere["impulse_N_s"], rel=0.005)
     # In this packing the sub-sphere with the largest weight lies 5 mm beside the axis, above what the plate reaches.
-    beside = run_scene(stone(plate=flexible, **{"stones.seed": 629466453}), "scene", runs / "beside")
+    beside = run_scene(stone(plate=flexible, **{"stones.seed": 9}), "scene", runs / "beside")
     assert beside["energy"]["plate_work_J"] == pytest.approx(sphere["energy"]["plate_work_J"], rel=0.01)
     touched = pd.read_parquet(runs / "beside" / "stones.parquet").iloc[0]
-    assert np.hypot(touched["first_x_m"] - touched["place_x_m"], touched["first_y_m"] - touched["place_y_m"]) < 1e-5
+    assert np.hypot(touched["first_x_m"] - touched["place_x_m"], touched["first_y_m"] - touched["place_y_m"]) < 1e-7
 
 
 @pytest.mark.parametrize(("seed", "speed_m_s", "friction"), [

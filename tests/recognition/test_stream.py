@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
 from common.scene.plate import read_plate
@@ -17,7 +18,7 @@ from recognition.innovations.coloured_noise import SensorNoise
 from recognition.innovations.prior import StonePrior
 from recognition.innovations.retuning import retuned, shifted
 from recognition.innovations.signatures import DURATIONS_S, FINE_S, LEAD, Channels, low_passed
-from recognition.innovations.whitening import Whitening
+from recognition.innovations.whitening import Whitening, _free_motion, _observation, _seen
 from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import load_forces, save_forces
 from recognition.stream.checks import together, without_offset_and_hum
@@ -194,6 +195,28 @@ def test_derivatives_of_a_signature(plate, forces):
         up, down = (bank.signature(stone + s * step * np.eye(6)[k])[1][0].astype(float) for s in (1, -1))
         slope = (up - down) / (2 * step)
         assert np.abs(slope - rows[1 + k]).max() < 0.02 * np.abs(slope).max()
+
+
+def test_free_motion_is_that_of_damped_oscillators():
+    w, zeta, step_s = np.array([300.0, 4000.0]), np.array([0.02, 0.1]), 1e-4
+    rate = np.block([[np.zeros((2, 2)), np.eye(2)], [np.diag(-(w**2)), np.diag(-2 * zeta * w)]])
+    assert _free_motion(w, zeta, step_s) == pytest.approx(expm(rate * step_s), rel=1e-9, abs=1e-12)
+
+
+def test_channels_of_free_motion_and_what_a_filter_makes_of_them(plate):
+    """Accelerometers feel how the rates change, and a filter of noise passes the modes' earlier samples, too."""
+    kept, rng = (plate.frequency_Hz > 0) & (plate.frequency_Hz < 3000), np.random.default_rng(4)
+    w, zeta, n = 2 * np.pi * plate.frequency_Hz[kept], np.full(kept.sum(), 0.05), kept.sum()
+    observed = _observation(plate, CHANNELS, kept, w, zeta)
+    start = np.concatenate([rng.standard_normal(n), w * rng.standard_normal(n)])
+    little = 1e-4 / w.max()
+    faster = (_free_motion(w, zeta, little) - _free_motion(w, zeta, -little))[n:] @ start / (2 * little)
+    expected = plate.sensor_shape[list(CHANNELS.accelerometers)][:, kept] @ faster
+    assert observed @ start == pytest.approx(expected, rel=1e-5, abs=1e-7 * np.abs(expected).max())
+    step, white = _free_motion(w, zeta, 1 / RATE_Hz), rng.standard_normal((3, len(observed), len(observed)))
+    states = [start, step @ start, step @ step @ start]
+    passed = sum(white[lag] @ observed @ states[2 - lag] for lag in range(3))
+    assert _seen(observed, white, step) @ states[2] == pytest.approx(passed, rel=1e-6, abs=1e-9 * np.abs(passed).max())
 
 
 def test_innovations_of_free_ringing_are_noise(plate):

@@ -54,6 +54,13 @@ def test_stones_that_arrive_as_scattered_do_not_fall_at_once(tmp_path):
         alike([empty] * 5)
 
 
+def test_forces_of_each_stone_are_taken_from_its_arrival_on():
+    force_N, places_m = np.arange(12.0).reshape(2, 6), np.zeros((2, 2))
+    record = ForceRecord(plate(), None, Fall(places_m, np.array([0.0, 2.2 * STEP_s])), places_m, 3.0, SAMPLE_s, STEP_s,
+                         force_N, np.array([True, False]))
+    assert record.from_arrival_N.tolist() == [[0, 1, 2, 3, 4, 5], [8, 9, 10, 11, 0, 0]]
+
+
 def own_draw(count, seed, tmp, late=0):
     """Records of three stones on places and with arrivals of their own, step by step on the plate's modes. They begin
     `late` steps after the first could arrive."""

@@ -12,7 +12,7 @@ from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.signatures import FINE_S, Channels
 from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import History, load_forces
-from recognition.volley.moments import SPREADS_S, Moments
+from recognition.volley.moments import SPREADS_S, Moments, _over_totals
 from recognition.volley.recognise import FAR_SHARE, SILENCE_S, Hypotheses, RATE_Hz, recognise_volley
 from recognition.volley.responses import BEFORE_S, DECIMATION, Stones, part_of
 
@@ -91,6 +91,22 @@ def test_moments_are_those_of_simulated_volleys(true):
         covariance = moments.covariance(anywhere, told.total[-1, k], told.squares[-1, k]) + np.eye(len(off)) / DECIMATION
         squares.append(off @ np.linalg.solve(covariance, off) / len(off))
     assert np.mean(squares) == pytest.approx(1.0, abs=0.12)
+
+
+def test_errors_that_stones_have_in_common_add_up_before_they_are_squared():
+    impulse, own, common = np.array([1.0, 2.0, 0.5]), 0.3, 0.07
+    one = Moments(np.zeros((1, 1, 1)), np.zeros((1, 1)), np.full((1, 1, 1), own), np.full((1, 1, 1), common))
+    each = own * np.eye(3) + common  # covariance of the stones' errors
+    assert one.covariance(0, impulse.sum(), (impulse**2).sum()) == pytest.approx(impulse @ each @ impulse)
+
+
+def test_chi_square_is_that_of_the_noise_of_a_decimated_record():
+    rng, none = np.random.default_rng(6), np.zeros((1, 2, 2))
+    noise = rng.standard_normal((4000, 2, DECIMATION)).mean(axis=2)
+    response = np.array([[3.0, 1.0]])
+    _, chi_square = _over_totals(Moments(np.zeros((2, 1, 1)), response, none, none), 0, np.array([1.0, 2.0]), 5.0,
+                                 2.0 * response + noise)
+    assert chi_square[1].mean() == pytest.approx(2.0, rel=0.05) and chi_square[0].mean() > 10
 
 
 def test_swapped_sensors_are_refused(volleys, known):
