@@ -40,36 +40,40 @@ FIRST = 3  # numbers of a stone before its coefficients: arrival, x, y
 @dataclass(frozen=True)
 class FallSearch:
     """seen: the plate and the law of a model; motion (steps, forms, 2, n): acceleration and amplitude of each mode
-    under the forms of the force, as records take them, from `begin` on; grid (places x times, 3): arrivals and places;
-    response (places x times, channels, samples): to f_0 there, single precision."""
+    under the forms of the force, as records take them, from `begin` on; latest_s: until when stones arrive."""
 
     seen: Seen
     motion: Floats
     begin: int
     latest_s: float
-    grid: Floats
-    response: NDArray[np.float32]
 
     @classmethod
     def of(cls, model: ArrangementModel, latest_s: float) -> FallSearch:
         """For records of a model, whose stones arrive from LATEST_S before the beginning until latest_s, and HEARD_S
         before the end."""
-        latest_s = min(latest_s, (model.samples - 1) * model.stride * model.step_s - HEARD_S)
         plate = FlexiblePlate.model_validate_json(model.plate_json)
         assert plate.max_frequency_Hz is not None
         seen = Seen(PlateModel.from_scene(plate, plate.max_frequency_Hz), model)
         filtered, begin = low_pass(model.stride) if model.anti_alias else (np.ones(1), 0)
         motion = np.array([_motion(seen.plate, force, model.step_s, filtered) for force in _forms(model)])
-        motion = np.ascontiguousarray(np.moveaxis(motion, -1, 0))
-        search = cls(seen, motion, begin, latest_s, np.empty((0, FIRST)), np.empty(0, np.float32))
-        along = [np.arange(lines[0] + GRID_M / 2, lines[-1], GRID_M)
-                 for lines in (seen.plate.lines_x_m, seen.plate.lines_y_m)]
-        x, y = (one.ravel() for one in np.meshgrid(*along))
-        times = np.arange(-LATEST_S, latest_s, GRID_S)
-        down = -seen.plate.shape(x, y)
-        response = np.stack([search._sensed(search._at(t)[0][:, 0], down) for t in times], axis=1).astype(np.float32)
-        grid = np.array([(t, *place) for place in zip(x, y, strict=True) for t in times])
-        return cls(seen, motion, begin, latest_s, grid, response.reshape(len(grid), *response.shape[2:]))
+        end_s = (model.samples - 1) * model.stride * model.step_s
+        return cls(seen, np.ascontiguousarray(np.moveaxis(motion, -1, 0)), begin, min(latest_s, end_s - HEARD_S))
+
+    @cached_property
+    def grid(self) -> Floats:
+        """(places x times, 3): arrivals and places at which a stone is put first."""
+        along = [np.arange(low + GRID_M / 2, high, GRID_M) for low, high in zip(*self.edges, strict=True)]
+        times, y, x = np.meshgrid(np.arange(-LATEST_S, self.latest_s, GRID_S), *along[::-1], indexing="ij")
+        return np.column_stack([times.ravel(), x.ravel(), y.ravel()])
+
+    @cached_property
+    def response(self) -> NDArray[np.float32]:
+        """(places x times, channels, samples): to f_0 there."""
+        found = list[NDArray[np.float32]]()
+        for at in np.split(self.grid, np.flatnonzero(np.diff(self.grid[:, 0])) + 1):  # of one time
+            down = -self.seen.plate.shape(*at[:, 1:].T)
+            found.append(self._sensed(self._at(at[0, 0])[0][:, 0], down).astype(np.float32))
+        return np.concatenate(found)
 
     def fall(self, signals: Floats, noise: Floats, channels: Integers) -> Fall:
         """Of the stones of a record: signals (m, samples), standard deviation of each sensor's noise (m,), and which
