@@ -3,6 +3,7 @@ and what `listen` makes of those."""
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -75,7 +76,8 @@ def tapped(kind: str, out: Path) -> PlateModel:
 
 
 def learnt_by_taps(true: PlateModel, file: Path, rng: np.random.Generator, count: int = 4) -> PlateModel:
-    """What taps with 20 dB of noise teach of a plate, unless a file has it."""
+    """What taps with 20 dB of noise teach of a plate, unless a file has it, whose name tells that plate."""
+    file = file.with_stem(f"{file.stem}_{hashlib.sha256(true.grid_shape.tobytes()).hexdigest()[:8]}")
     if not file.is_file():
         taps = hammer_taps(true, rng.uniform(-0.22, 0.22, (count, 2)), rng, rate_Hz=2 * RATE_Hz,
                            place_error_m=1.5e-3)
