@@ -36,7 +36,9 @@ class Uneven(PlateModel):
 
     error: float = 0.0
 
-    def shape(self, x_m: Floats, y_m: Floats) -> Floats:
+    def shape(self, x_m: Floats, y_m: Floats, slope: tuple[int, int] = (0, 0)) -> Floats:
+        if any(slope):  # errors of neighbouring places have nothing to do with each other
+            return super().shape(x_m, y_m, slope)
         rows = [np.random.default_rng(crc32(np.round([x, y], 9).tobytes())).standard_normal(len(self.rms_shape))
                 for x, y in zip(np.atleast_1d(x_m), np.atleast_1d(y_m), strict=True)]
         return super().shape(x_m, y_m) + self.error * self.rms_shape * np.array(rows)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -16,22 +15,17 @@ from recognition.estimation.calibration import LEAST_GROUPS, LIMIT_FACTOR, dista
 from recognition.estimation.errors import RecognitionError
 from recognition.physics.arrangement_likelihood import (
     MOST_STONES,
-    SMALL_M,
     ArrangementEstimate,
     ArrangementModel,
     ExpectedMisfit,
-    hats,
 )
+from recognition.physics.force_law import ForceLaw, bins_of, force_law, steps_per_bin
 from recognition.physics.force_records import Fall, ForceRecord, pulse_force_response, response_to
 
 #: Time from the arrival of the last stone on that is used, and the most samples of a record. A stone's force lasts
 #: 0.45 ms; the plate still rings with it afterwards.
 DURATION_S, MOST_SAMPLES = 3.75e-3, 60
 
-#: About the width of the bins of a force, which is linear between them. With 25 us what begins and ends in a bin makes
-#: an error of 4 to 6 % of the accelerations, with 10 us of 0.5 to 0.9 %.
-BIN_S = 10e-6
-FORCE_S = 1.5e-3  # that a force is taken to last; what pushes later counts as residual
 MOST_HELD_OUT = 100  # records by which the limits are set, or a few more, each with these
 NOISES = (0.0, 0.01, 0.03, 0.1)  # in shares of the rms of a signal
 #: The least misfit that is expected with each of these. A misfit of 1 is what the law expects, but it takes the scatter
@@ -42,13 +36,8 @@ LEAST_MISFITS = (1.6, 1.6, 1.5, 1.0)
 #: quarter less and twice as long, have ten times the misfit of all others; a limit beyond them would let pass volleys
 #: of another number of stones.
 USUAL = 0.9
-DEGREE = 2  # of the force in the speed
-#: A covariance from few stones is shrunk towards forces that are independent from bin to bin, with the weight of so
-#: many stones.
-SHRINKAGE_STONES = 20
-LEAST_DEVIATION = 0.02  # of a force at any time, in shares of its largest
+SMALL_M = 1e-3  # step of a finite difference by the place
 LEAST_RESIDUAL = 0.005  # of the plate's model, in shares of the signal
-LEAST_STONES = 5  # different ones, of either material
 
 
 @dataclass(frozen=True)
@@ -71,21 +60,17 @@ class PlateRecord:
 class ForceStatistics:
     """What simulated stones show of their forces.
 
-    names, samples, scale, residual: as in `ArrangementModel`; laws: coefficients (p, bins) of the mean force of
-    coal and of gangue (`force_law`); covariance (bins, bins): of a force; stones: number of different stones;
-    damping_ratio: mean and standard deviation; speed_m_s: mean, least, greatest; place_deviation_m: standard deviation
-    along x and y of where a stone touches the plate.
+    names, law, samples, scale, residual: as in `ArrangementModel`; damping_ratio: mean and standard deviation;
+    speed_m_s: least, greatest; place_deviation_m: standard deviation along x and y of where a stone touches the plate.
     """
 
     names: tuple[str, ...]
-    laws: list[Floats]
-    covariance: Floats
-    stones: int
+    law: ForceLaw
     samples: int
     scale: Floats
     residual: Floats
     damping_ratio: tuple[float, float]
-    speed_m_s: tuple[float, float, float]
+    speed_m_s: tuple[float, float]
     place_deviation_m: float
     own_falls: bool
 
@@ -119,13 +104,13 @@ def force_statistics(X: Sequence[PlateRecord], groups: Floats) -> tuple[ForceSta
     damping = np.array([force.plate.damping_ratio for force in forces])
     scale = np.sqrt(np.mean(signals**2, axis=(0, 2)))
     samples = signals.shape[2]
-    laws, covariance, stones = force_laws(forces, groups[chosen], float(speed.mean()))
+    law = force_law(forces, groups[chosen], float(speed.mean()))
     left = [one - force.sampled[:, :samples] for one, force in zip(signals, forces, strict=True)]
     residual = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
     deviation_m = np.sqrt(np.mean([np.square(force.touch_m - force.fall.place_m) for force in forces]))
-    return ForceStatistics(X[chosen[0]].names, laws, covariance, stones, samples, scale,
+    return ForceStatistics(X[chosen[0]].names, law, samples, scale,
                            np.hypot(residual, LEAST_RESIDUAL), _mean_and_deviation(damping),
-                           (float(speed.mean()), float(speed.min()), float(speed.max())), float(deviation_m),
+                           (float(speed.min()), float(speed.max())), float(deviation_m),
                            own), forces[0]
 
 
@@ -144,17 +129,16 @@ def model_on(statistics: ForceStatistics, record: ForceRecord) -> ArrangementMod
     deviation_m = statistics.place_deviation_m
     plate = record.plate.model_copy(update={"damping_ratio": statistics.damping_ratio[0]})
     hat = _hat_response(statistics, record)
-    scatter = []
+    scatter, mean_force = list[Floats](), statistics.law.mean_force
     if statistics.damping_ratio[1] > 0:
         more = _hat_response(statistics, record, damping_ratio=sum(statistics.damping_ratio)) - hat
-        scatter.append(_scatter_by_damping(*(response_to(more, _forces(record, law[:1])) for law in statistics.laws)))
+        scatter.append(_scatter_by_damping(*(response_to(more, _forces(record, one)) for one in mean_force)))
     for moved_m in ((SMALL_M, 0.0), (0.0, SMALL_M)) if deviation_m else ():
         slope = (_hat_response(statistics, record, moved_m) - hat) / SMALL_M
-        mean_law = (statistics.laws[0][:1] + statistics.laws[1][:1]) / 2
-        scatter.append(deviation_m * response_to(slope, _forces(record, mean_law)))
+        scatter.append(deviation_m * response_to(slope, _forces(record, mean_force.mean(axis=0))))
     return ArrangementModel(statistics.names, statistics.scale, statistics.residual, record.step_s, record.stride,
-                            statistics.samples, hat, _steps_per_bin(record), np.stack(statistics.laws),
-                            statistics.covariance, statistics.stones, scatter, plate.model_dump_json(),
+                            statistics.samples, hat, steps_per_bin(record), statistics.law, scatter,
+                            plate.model_dump_json(),
                             record.fall.place_m, deviation_m, statistics.damping_ratio[1], statistics.own_falls,
                             *statistics.speed_m_s, record.anti_alias)
 
@@ -165,34 +149,17 @@ def told(model: ArrangementModel, fall: Fall) -> ArrangementModel:
         raise RecognitionError(f"{len(fall.place_m)} stones; the model has {model.stones}")
     plate = FlexiblePlate.model_validate_json(model.plate_json)
     silent = np.zeros((model.stones, model.hat.shape[1]))
-    record = ForceRecord(plate, user_cache(), fall, fall.place_m, model.middle_m_s, model.stride * model.step_s,
+    record = ForceRecord(plate, user_cache(), fall, fall.place_m, model.law.middle_m_s, model.stride * model.step_s,
                          model.step_s, silent, np.zeros(model.stones, dtype=bool), model.anti_alias)
     return model_on(ForceStatistics(
-        model.names, list(model.laws), model.covariance, model.seen, model.samples, model.scale, model.residual,
-        (plate.damping_ratio, model.damping_deviation), (model.middle_m_s, model.low_m_s, model.high_m_s),
+        model.names, model.law, model.samples, model.scale, model.residual,
+        (plate.damping_ratio, model.damping_deviation), (model.low_m_s, model.high_m_s),
         model.place_deviation_m, True), record)
 
 
 def used(latest_s: float, rate_Hz: float) -> int:
     """Samples of a record that are used, where the last stone arrives at latest_s."""
     return min(MOST_SAMPLES, round((DURATION_S + latest_s) * rate_Hz))
-
-
-def force_laws(forces: list[ForceRecord], groups: Floats, middle_m_s: float) -> tuple[list[Floats], Floats, int]:
-    """`force_law` of coal and of gangue, the mean of their covariances, since a place has one or the other, and the
-    fewest different stones of either. RecognitionError for too few."""
-    laws, covariances, counts = [], [], []
-    to_bins = _to_bins(*_bin_size(forces[0]))
-    for gangue in (False, True):
-        force, speed_m_s, stones = _forces_of(forces, to_bins, groups, gangue, middle_m_s)
-        if stones < LEAST_STONES:
-            name = "gangue" if gangue else "coal"
-            raise RecognitionError(f"{stones} different stones of {name}; needs {LEAST_STONES}")
-        law, covariance = force_law(force, speed_m_s - middle_m_s, stones)
-        laws.append(law)
-        covariances.append(covariance)
-        counts.append(stones)
-    return laws, (covariances[0] + covariances[1]) / 2, min(counts)
 
 
 def _scatter_by_damping(coal: Floats, gangue: Floats) -> Floats:
@@ -202,59 +169,12 @@ def _scatter_by_damping(coal: Floats, gangue: Floats) -> Floats:
     return np.concatenate([middle, (gangue - coal) / 2], axis=2)
 
 
-def _bin_size(record: ForceRecord) -> tuple[int, int]:
-    """Steps of a bin and of all bins."""
-    return _steps_per_bin(record), min(round(FORCE_S / record.step_s), record.force_N.shape[1])
-
-
-def _bins(width: int, steps: int) -> Floats:
-    """Hat functions (steps, bins) over the first FORCE_S of a force record."""
-    return hats(width, steps, steps // width - 1)
-
-
-@lru_cache(maxsize=4)
-def _to_bins(width: int, steps: int) -> Floats:
-    """Inverse (bins, steps) of the hat functions, the same in every fold."""
-    return np.asarray(np.linalg.pinv(_bins(width, steps)), dtype=float)
-
-
-def _forces(record: ForceRecord, law: Floats) -> Floats:
-    """Impulses (steps, 1) of a hat each, a force of coefficients (1, bins) over all steps of a record, to convolve the
+def _forces(record: ForceRecord, force: Floats) -> Floats:
+    """Impulses (steps, 1) of a hat each, a force (bins,) over all steps of a record, to convolve the
     response to a hat with."""
-    impulses, width = np.zeros((record.force_N.shape[1], 1)), _steps_per_bin(record)
-    impulses[:width * law.shape[1]:width, 0] = law[0]
+    impulses, width = np.zeros((record.force_N.shape[1], 1)), steps_per_bin(record)
+    impulses[:width * len(force):width, 0] = force
     return impulses
-
-
-def _steps_per_bin(record: ForceRecord) -> int:
-    return max(1, round(BIN_S / record.step_s))
-
-
-def _forces_of(forces: list[ForceRecord], to_bins: Floats, groups: Floats, gangue: bool,
-               middle_m_s: float) -> tuple[Floats, Floats, int]:
-    """Of all stones of a material: forces (m, bins) scaled to the speed middle_m_s, speeds (m,), and the number of
-    different packings of stones: a group's stones are the same in all its runs. to_bins (bins, steps): inverse of the
-    hat functions."""
-    steps = to_bins.shape[1]
-    of = [record.from_arrival_N[record.gangue == gangue, :steps] for record in forces]
-    force = np.vstack([one @ to_bins.T * (middle_m_s / record.speed_m_s)
-                       for one, record in zip(of, forces, strict=True)])
-    speed = np.concatenate([np.full(np.sum(record.gangue == gangue), record.speed_m_s) for record in forces])
-    different = {(group, stone) for record, group in zip(forces, groups, strict=True)
-                 for stone in np.flatnonzero(record.gangue == gangue)}
-    return force, speed, len(different)
-
-
-def force_law(force: Floats, speed: Floats, stones: int) -> tuple[Floats, Floats]:
-    """Coefficients (p, bins) of the mean force by powers of the speed, and the covariance (bins, bins) about it, of
-    forces (m, bins) of `stones` different stones."""
-    powers = speed[:, None] ** np.arange(DEGREE + 1 if np.ptp(speed) > 0 else 1)
-    law = np.asarray(np.linalg.lstsq(powers, force, rcond=None)[0], dtype=float)
-    off = force - powers @ law
-    observed = off.T @ off / len(off)
-    variance = np.diag(observed)
-    variance = np.maximum(variance, LEAST_DEVIATION**2 * variance.max())
-    return law, (stones * observed + SHRINKAGE_STONES * np.diag(variance)) / (stones + SHRINKAGE_STONES)
 
 
 def _hat_response(statistics: ForceStatistics, record: ForceRecord, moved_m: tuple[float, float] = (0.0, 0.0),
@@ -262,7 +182,7 @@ def _hat_response(statistics: ForceStatistics, record: ForceRecord, moved_m: tup
     """Responses (channels, steps, stones) to a force in the first bin on each place, each channel in shares of its
     scale. The plate does not change with time: the other bins' are the same, later."""
     damping_ratio = statistics.damping_ratio[0] if damping_ratio is None else damping_ratio
-    response = pulse_force_response(record, _bins(*_bin_size(record))[:, 0], damping_ratio, moved_m)
+    response = pulse_force_response(record, bins_of(record)[:, 0], damping_ratio, moved_m)
     late = np.round(record.fall.arrival_s / record.step_s).astype(int)
     shifted = [np.pad(response[:, :, k], ((0, 0), (n, 0)))[:, :response.shape[1]] for k, n in enumerate(late)]
     return np.stack(shifted, axis=2) / statistics.scale[:, None, None]

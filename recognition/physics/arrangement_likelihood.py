@@ -2,15 +2,16 @@
 
 The plate is linear, so a record x is the sum of the plate's responses to the forces of all stones,
 
-    x = sum over stones of G_i F_i + e.
+    x = sum over stones of e^(u_i) G_i (f_0 + a_i f_1) + e.
 
-G_i is the response to a unit force on place i (plate_fem/motion.py). F_i(t), the force of stone i, is normally
-distributed: its mean depends on the material, its covariance does not; both come from simulated stones and are
-proportional to the impact speed. e is the residual of the plate's model on simulated records, and the noise of the
-sensors. Ten stones have 1024 arrangements. Each has a likelihood; the sum over all arrangements of one ratio gives the
-probability of that ratio, all ratios being equally likely beforehand. An impact speed that varied in training is
-averaged over; a damping that varied adds to the covariance of x. So is the moment of the impact, which a trigger does
-not tell to some microseconds.
+G_i is the response to a unit force on place i (plate_fem/motion.py); u_i and a_i are normally distributed, by the law
+of the stone's material (recognition.physics.force_law). e is what the law leaves of the forces, the residual of the
+plate's model on simulated records, and the noise of the sensors. Ten stones have 1024 arrangements. The likelihood of
+each is an integral over all u_i and a_i, found by Laplace's method: the integrand is a normal density about its
+largest value (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapter 27), which Gauss and
+Newton's steps seek. The sum over all arrangements of one ratio gives the probability of that ratio, all ratios being
+equally likely beforehand. An impact speed that varied in training is summed over; a damping that varied adds to the
+covariance of e. So is the moment of the impact, which a trigger does not tell to some microseconds.
 
 Two neighbours that swap their materials give nearly the same record: the bending wave with a hill on one place and a
 valley on the next has over 10 kHz, and the spectrum of a stone's force ends at about 4 kHz. Arrangements with nearly
@@ -22,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 from math import comb
 
@@ -32,6 +33,8 @@ from scipy.signal import fftconvolve
 
 from analysis.signals.resampling import low_pass
 from recognition.estimation.arrays import Floats, Integers
+from recognition.physics.force_law import SHORT, ForceLaw
+from recognition.physics.near_record import NearRecord
 
 MOST_STONES = 12  # 4096 arrangements
 #: Number of speeds examined, and how far beyond those of training, in shares of them, to see whether a record belongs
@@ -41,15 +44,26 @@ SPEEDS, BEYOND = 31, 0.5
 #: then every step about the best SOUGHT of these; the posterior is summed over FINE steps about the best.
 LATEST_S, COARSE, SOUGHT = 3e-4, 6, 2
 FINE = np.arange(-4, 5) / 2
-SMALL_M = 1e-3  # step of a finite difference by the place
 SHARE = 0.9  # of the probability, in the interval
 MISFIT = "misfit of the plate's model"
 #: Names of the distances of a record from the training, in the order of `distances`.
 DISTANCES = (MISFIT, "another impact speed explains it better")
 #: Log likelihood ratio of a speed outside the training that counts as a distance of 1: twenty times as likely.
 REFERENCE_LOG_RATIO = 3.0
-#: Digits in a model file: more than a sensor has, and a third of the size.
-SHORT = {"digits": 7}
+#: Names of the distances of a record from the training, in the order of `distances`.
+DISTANCES = (MISFIT, "another impact speed explains it better")
+#: Log likelihood ratio of a speed outside the training that counts as a distance of 1: twenty times as likely.
+REFERENCE_LOG_RATIO = 3.0
+#: Gauss and Newton's steps, and those of u and a that end them; the largest step of u; arrangements whose likelihood is
+#: e^-FAR of the best take the first step alone.
+STEPS, SETTLED, LARGEST_STEP, FAR = 20, 1e-2, 0.7, 8.0
+#: Names of the distances of a record from the training, in the order of `distances`.
+DISTANCES = (MISFIT, "another impact speed explains it better")
+#: Log likelihood ratio of a speed outside the training that counts as a distance of 1: twenty times as likely.
+REFERENCE_LOG_RATIO = 3.0
+#: Gauss and Newton's steps with all arrangements, and with those whose likelihood is not e^-FAR of the best; the steps
+#: of u and a that end them, and the largest of u.
+FIRST_STEPS, FAR, STEPS, SETTLED, LARGEST_STEP = 3, 30.0, 12, 1e-2, 0.7
 
 
 @dataclass(frozen=True)
@@ -81,38 +95,21 @@ class ArrangementEstimate:
 
 
 @lru_cache(maxsize=4)
-def arrangements(stones: int) -> tuple[Floats, Integers, Floats]:
-    """Every arrangement: a 1 and which stones are gangue (2^stones, 1 + stones), how many are (2^stones,), and the
-    prior probability (2^stones,), which is even over the ratios."""
-    which = np.array(list(product((0.0, 1.0), repeat=stones)))
-    count = which.sum(axis=1).astype(int)
+def arrangements(stones: int) -> tuple[Integers, Integers, Floats]:
+    """Every arrangement: which stones are gangue (2^stones, stones), how many are (2^stones,), and the prior
+    probability (2^stones,), which is even over the ratios."""
+    which = np.array(list(product((0, 1), repeat=stones)))
+    count = which.sum(axis=1)
     prior = 1 / np.array([comb(stones, k) for k in count])
-    return np.column_stack([np.ones(len(which)), which]), count, prior / prior.sum()
-
-
-def hats(width: int, steps: int, count: int) -> Floats:
-    """Hat functions (steps, count) of time, each of which rises over `width` steps and falls as long, `width` steps
-    after the one before."""
-    middle = (np.arange(count) + 1) * width
-    return np.asarray(np.maximum(0.0, 1 - np.abs(np.arange(steps)[:, None] + 0.5 - middle) / width))
-
-
-@lru_cache(maxsize=4)
-def _pairs(stones: int) -> Floats:
-    """Products of each two columns of `arrangements`, shape ((1 + stones)^2, 2^stones)."""
-    which = arrangements(stones)[0]
-    return np.ascontiguousarray((which[:, :, None] * which[:, None, :]).reshape(len(which), -1).T)
+    return which, count, prior / prior.sum()
 
 
 @dataclass(frozen=True)
 class RecordLaw:
-    """Mean and covariance of records that begin at one moment; d = channels x samples, p powers of the speed.
+    """Law of records that begin at one moment; d = channels x samples. response (d, stones, k): to each form of the
+    force on each place; covariance (d, d): of e without the sensors' noise and the residual."""
 
-    covariance (d, d): of x, from stone to stone, at the middle speed; mean (p, d, 1 + stones): record of coal alone,
-    and what each stone of gangue adds to it, as coefficients of (v - middle)^k v / middle.
-    """
-
-    mean: Floats
+    response: Floats
     covariance: Floats
 
 
@@ -123,14 +120,12 @@ class ArrangementModel:
     names: of the channels; scale (channels,): rms of the signals, in shares of which x is; residual (channels,): rms of
     what the plate's model leaves of x; step_s: of the responses; stride: steps of a sample; samples: of a record that
     are used. hat (channels, steps, stones): response of x to a force on each place that rises to 1 N over `width` steps
-    and falls as long, from the impact on; laws (2, p, bins): mean force of coal and of gangue, a hat a bin, each
-    `width` steps after the one before; covariance (bins, bins): of a force, from stone to stone; seen: number of
-    different stones that tell it; scatter: responses (channels, steps, m) to what else varies, by one standard
-    deviation each; plate_json: table `[plate]` of the scenes; place_m (stones, 2): where the stones fall;
-    place_deviation_m: standard deviation along x and y of where they touch; damping_deviation: of the damping ratio;
-    own_falls: records have places and arrivals of their own, which must be told; low_m_s, high_m_s: speeds of training;
-    anti_alias: the record passes a low pass (analysis.signals.resampling) before it is sampled. ValueError for arrays
-    that do not fit together.
+    and falls as long, from the impact on; law: of forces, whose bins are `width` steps each; scatter: responses
+    (channels, steps, m) to what else varies, by one standard deviation each; plate_json: table `[plate]` of the scenes;
+    place_m (stones, 2): where the stones fall; place_deviation_m: standard deviation along x and y of where they touch;
+    damping_deviation: of the damping ratio; own_falls: records have places and arrivals of their own, which must be
+    told; low_m_s, high_m_s: speeds of training; anti_alias: the record passes a low pass (analysis.signals.resampling)
+    before it is sampled. ValueError for arrays that do not fit together.
     """
 
     names: tuple[str, ...]
@@ -141,16 +136,13 @@ class ArrangementModel:
     samples: int
     hat: Floats = field(metadata=SHORT)
     width: int
-    laws: Floats = field(metadata=SHORT)
-    covariance: Floats = field(metadata=SHORT)
-    seen: int
+    law: ForceLaw
     scatter: list[Floats]
     plate_json: str
     place_m: Floats
     place_deviation_m: float
     damping_deviation: float
     own_falls: bool
-    middle_m_s: float
     low_m_s: float
     high_m_s: float
     anti_alias: bool = False
@@ -158,9 +150,8 @@ class ArrangementModel:
     def __post_init__(self) -> None:
         channels, steps = self.scale.size, (self.samples - 1) * self.stride + self.latest + 2 + self._ahead
         arrays = [self.hat, *self.scatter]
-        if not (self.laws.ndim == 3 and len(self.laws) == 2 and self.covariance.shape == (self.laws.shape[2],) * 2
-                and self.scale.shape == self.residual.shape == (len(self.names),) and channels and self.stride > 0
-                and self.samples > 0 and self.width > 0 and self.seen > 0
+        if not (self.scale.shape == self.residual.shape == (len(self.names),) and channels and self.stride > 0
+                and self.samples > 0 and self.width > 0
                 and all(one.ndim == 3 and one.shape[0] == channels and one.shape[1] >= steps for one in arrays)
                 and 1 <= self.stones <= MOST_STONES and self.place_m.shape == (self.stones, 2)):
             raise ValueError("the arrays of the arrangements do not fit together")
@@ -200,27 +191,22 @@ class ArrangementModel:
     def _law_at(self, shift: float) -> RecordLaw:
         hat, *scatter = self._taken
         rows = self._ahead + shift + self.stride * np.arange(self.samples, dtype=float)
-        delayed = rows[:, None] - self.width * np.arange(self.laws.shape[2])
+        delayed = rows[:, None] - self.width * np.arange(self.law.bins)
         unit = _sampled(hat, delayed.ravel()).reshape(-1, delayed.shape[1], self.stones)
         unit = np.ascontiguousarray(unit.swapaxes(1, 2))  # (channels x samples, stones, bins)
-        coal, gangue = (np.einsum("dib,pb->pdi", unit, law, optimize=True) for law in self.laws)
-        mean = np.concatenate([coal.sum(axis=2, keepdims=True), gangue - coal], axis=2)
-        root = np.linalg.cholesky(self.covariance)
-        # The scatter of each place by itself; and that of the mean forces, which are known from so many stones only and
-        # err alike at all places.
-        parts = [(unit @ root).reshape(len(unit), -1), unit.sum(axis=1) @ root / np.sqrt(2 * self.seen)]
+        response, root = unit @ self.law.forms.T, np.linalg.cholesky(self.law.rest)
+        # The rest of each place by itself; and the mean forces, which are known from so many stones only and err alike
+        # at all places.
+        of_weights = np.linalg.cholesky(self.law.weights[1].mean(axis=0))
+        alike = np.column_stack([unit.sum(axis=1) @ root, response.sum(axis=1) @ of_weights])
+        parts = [(unit @ root).reshape(len(unit), -1), alike / np.sqrt(2 * self.law.seen)]
         parts += [_sampled(one, rows).reshape(len(unit), -1) for one in scatter]
-        every = np.concatenate(parts, axis=1)
-        return RecordLaw(mean, every @ every.T)
+        scattered = np.concatenate(parts, axis=1)
+        return RecordLaw(response, scattered @ scattered.T)
 
     def _speeds_m_s(self) -> Floats:
         speeds = np.linspace(self.low_m_s * (1 - BEYOND), self.high_m_s * (1 + BEYOND), SPEEDS)
         return np.union1d(speeds, [self.low_m_s, self.high_m_s])
-
-    def _powers(self, speeds_m_s: Floats) -> Floats:
-        """Factor of each coefficient of the mean, shape (speeds, p)."""
-        v = speeds_m_s[:, None]
-        return v / self.middle_m_s * (v - self.middle_m_s) ** np.arange(self.laws.shape[1])
 
     def estimate(self, signals: Floats, noise: Floats, speed_m_s: float | None = None,
                  arrival_s: float | None = None, channels: Integers | None = None) -> ArrangementEstimate:
@@ -230,35 +216,26 @@ class ArrangementModel:
         rows = np.arange(len(self.scale)) if channels is None else np.asarray(channels)
         x, noise = signals / self.scale[rows, None], noise / self.scale[rows]
         speeds = self._speeds_m_s() if speed_m_s is None else np.array([speed_m_s])
-        inside = speeds if speed_m_s is not None else speeds[(speeds >= self.low_m_s - 1e-9)
-                                                             & (speeds <= self.high_m_s + 1e-9)]
-
-        @cache
-        def products(shift: float) -> tuple[Floats, float]:
-            return self._products(x, noise, rows, shift)
-
-        @cache
-        def cost(shift: float) -> Floats:
-            inner, log_determinant = products(shift)
-            return self._chi_square(inner, inside) + log_determinant
-
-        def least(shift: float) -> float:
-            return float(cost(shift).min())
-
-        shifts = self._arrivals(least) if arrival_s is None else np.array([-arrival_s / self.step_s])
-        costs = np.stack([cost(shift) for shift in shifts.tolist()])
-        best = min(shifts.tolist(), key=least)
-        inner, log_determinant = products(best)
-        nearest, anywhere = least(best) - log_determinant, float(self._chi_square(inner, speeds).min())
+        inside = (speeds >= self.low_m_s - 1e-9) & (speeds <= self.high_m_s + 1e-9) | (speed_m_s is not None)
+        shifts = np.array([0.0 if arrival_s is None else -arrival_s / self.step_s])
+        if arrival_s is None:
+            shifts = self._arrivals(lambda shift: self._cost_of_any(x, noise, rows, shift))
+        which, count, prior = arrangements(self.stones)
+        near = [self._near(x, noise, rows, shift) for shift in shifts.tolist()]
+        means, covariance = np.stack([self.law.mean_at(speed) for speed in speeds.tolist()]), self.law.covariance
+        chi_square, volume = map(np.array, zip(*(one.integrals(means, covariance, which) for one in near), strict=True))
+        likely = chi_square[:, inside]
+        costs = likely + volume[:, None] + np.array([one.log_determinant for one in near])[:, None, None]
+        best = int(np.argmin(costs.min(axis=(1, 2))))
+        nearest, anywhere = float(likely[best].min()), float(chi_square[best].min())
         # Tempering: where even the best arrangement fits worse than the covariance allows, all are held to be less
         # certain.
         temperature = max(1.0, nearest / x.size)
-        _, count, prior = arrangements(self.stones)
         weight = np.exp((costs.min() - costs) / (2 * temperature)) * prior
         probability = np.bincount(count, weight.sum(axis=(0, 1))) / weight.sum()
         share = float(np.mean(noise**2 / (self.residual[rows] ** 2 + noise**2)))
         return ArrangementEstimate(probability, nearest / x.size, share, (nearest - anywhere) / (2 * temperature),
-                                   -best * self.step_s)
+                                   -float(shifts[best]) * self.step_s)
 
     def _arrivals(self, least: Callable[[float], float]) -> Floats:
         """Shifts about the most probable one, which is sought first in wide steps, then in narrower ones about the best
@@ -269,29 +246,33 @@ class ArrangementModel:
         best = min(near, key=least)
         return np.clip(best + FINE, -latest, latest)
 
-    def _products(self, x: Floats, noise: Floats, rows: Integers, shift: float) -> tuple[Floats, float]:
-        """Products of record and mean with each other, weighted by the inverse covariance, shape (1 + p (1 + stones),)
-        twice, and the logarithm of its determinant."""
+    def _chosen(self, x: Floats, noise: Floats, rows: Integers, shift: float) -> tuple[Floats, Floats]:
+        """Responses (d, stones, k) in the channels of a record, and covariance (d, d) of e."""
         law = self.law_at(shift)
         chosen = (rows[:, None] * self.samples + np.arange(self.samples)).ravel()
-        mean, covariance = law.mean[:, chosen], law.covariance[np.ix_(chosen, chosen)]
         variance = np.repeat(self.residual[rows] ** 2 + noise**2, self.samples)
-        known = np.column_stack([x.ravel(), mean.transpose(1, 0, 2).reshape(len(chosen), -1)])
-        root = np.linalg.cholesky(covariance + np.diag(variance))
-        white = solve_triangular(root, known, lower=True, check_finite=False)
-        return white.T @ white, 2 * float(np.log(np.diag(root)).sum())
+        return law.response[chosen], law.covariance[np.ix_(chosen, chosen)] + np.diag(variance)
 
-    def _chi_square(self, inner: Floats, speeds_m_s: Floats) -> Floats:
-        """Of every arrangement at every speed, shape (speeds, 2^stones)."""
-        powers, columns = self.laws.shape[1], 1 + self.stones
-        # The mean at a speed is a sum over powers; so are its products with itself and with x.
-        of_speed = self._powers(speeds_m_s)
-        blocks = inner[1:, 1:].reshape(powers, columns, powers, columns)
-        squares = np.einsum("vp,vq,piqj->vij", of_speed, of_speed, blocks, optimize=True)
-        sums = of_speed @ inner[0, 1:].reshape(powers, columns)
-        chi_square = squares.reshape(len(of_speed), -1) @ _pairs(columns - 1) + inner[0, 0]
-        chi_square -= 2 * sums @ arrangements(columns - 1)[0].T
-        return np.asarray(chi_square)
+    def _near(self, x: Floats, noise: Floats, rows: Integers, shift: float) -> NearRecord:
+        response, covariance = self._chosen(x, noise, rows, shift)
+        white, log_determinant = _white(np.column_stack([x.ravel(), response.reshape(x.size, -1)]), covariance)
+        return NearRecord.of(white[:, 0], white[:, 1:].reshape(response.shape), self.law, log_determinant)
+
+    def _cost_of_any(self, x: Floats, noise: Floats, rows: Integers, shift: float) -> float:
+        """Minus twice the logarithm of the likelihood where nobody asks which stones are gangue."""
+        response, covariance = self._chosen(x, noise, rows, shift)
+        mean, of_weights = self.law.of_any
+        scattered = (response @ np.linalg.cholesky(of_weights)).reshape(x.size, -1)
+        off = x.ravel() - (response @ mean).sum(axis=1)
+        white, log_determinant = _white(off, covariance + scattered @ scattered.T)
+        return float(white @ white) + log_determinant
+
+
+def _white(known: Floats, covariance: Floats) -> tuple[Floats, float]:
+    """What is known (d, ...) in units of a covariance (d, d), and the logarithm of its determinant."""
+    root = np.linalg.cholesky(covariance)
+    white = solve_triangular(root, known, lower=True, check_finite=False)
+    return white, 2 * float(np.log(np.diag(root)).sum())
 
 
 def _sampled(response: Floats, rows: Floats) -> Floats:

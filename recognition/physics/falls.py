@@ -1,8 +1,8 @@
 """Where and when the stones of a record fell, on a plate that is known.
 
-From its arrival on, a stone pushes with f_0 + sum of a_k f_k on its place: f_0 is the mean force of both materials, f_1
-half of what is between them, and the others are the principal components of what scatters, so that each a_k has a
-standard deviation of about one. A stone after the other is put where it explains most of what those before it leave, on
+From its arrival on, a stone pushes with f_0 + sum of a_k f_k on its place: f_0 is the mean force of both materials, the
+others are the principal components of how the forces of all stones scatter about it, so that each a_k has a standard
+deviation of one. A stone after the other is put where it explains most of what those before it leave, on
 a grid of places and times (orthogonal matching pursuit: Pati, Rezaiifar, Krishnaprasad, Asilomar 1993); after each, all
 are fitted together.
 """
@@ -20,12 +20,12 @@ from scipy.signal import fftconvolve
 from analysis.signals.resampling import low_pass
 from common.scene.plate import FlexiblePlate
 from recognition.estimation.arrays import Floats, Integers
-from recognition.physics.arrangement_likelihood import LATEST_S, SMALL_M, ArrangementModel, hats
+from recognition.physics.arrangement_likelihood import LATEST_S, ArrangementModel
 from recognition.physics.force_records import Fall
-from recognition.physics.seen import Seen
+from recognition.physics.seen import SLOPES, Seen
 from recognition.plate.plate_model import PlateModel, modal_steps
 
-COMPONENTS, WIDEST = 5, 4.0  # of what scatters; standard deviations that a coefficient has at most
+COMPONENTS, WIDEST = 6, 4.0  # of what scatters; standard deviations that a coefficient has at most
 GRID_M, GRID_S = 0.02, 4e-5  # on which a stone is put first
 SMALLEST, LARGEST = 0.3, 2.5  # factors on the mean force with which it is put there
 TIME_S, PLACE_M = 1e-5, 2e-3  # typical changes of an arrival and a place in a fit
@@ -55,7 +55,7 @@ class FallSearch:
         assert plate.max_frequency_Hz is not None
         seen = Seen(PlateModel.from_scene(plate, plate.max_frequency_Hz), model)
         filtered, begin = low_pass(model.stride) if model.anti_alias else (np.ones(1), 0)
-        motion = np.array([_motion(seen.plate, force, model.step_s, filtered) for force in _forms(model)])
+        motion = np.array([_motion(seen.plate, force, model.step_s, filtered) for force in _forms(seen)])
         end_s = (model.samples - 1) * model.stride * model.step_s
         return cls(seen, np.ascontiguousarray(np.moveaxis(motion, -1, 0)), begin, min(latest_s, end_s - HEARD_S))
 
@@ -71,8 +71,8 @@ class FallSearch:
         """(places x times, channels, samples): to f_0 there."""
         found = list[NDArray[np.float32]]()
         for at in np.split(self.grid, np.flatnonzero(np.diff(self.grid[:, 0])) + 1):  # of one time
-            down = -self.seen.plate.shape(*at[:, 1:].T)
-            found.append(self._sensed(self._at(at[0, 0])[0][:, 0], down).astype(np.float32))
+            of_mean = self._at(at[0, 0])[0][:, 0]
+            found.append(self._sensed(of_mean, self.seen.down(at[:, 1:])).astype(np.float32))
         return np.concatenate(found)
 
     def fall(self, signals: Floats, noise: Floats, channels: Integers) -> Fall:
@@ -112,19 +112,14 @@ class FallSearch:
 
     def stone(self, numbers: Floats) -> tuple[Floats, Floats]:
         """Signals (channels, samples) of one stone, and their derivatives (numbers, channels, samples)."""
-        t_s, x, y = numbers[:FIRST]
-        by_form, by_time = self._at(t_s)
-        weight = np.r_[1.0, numbers[FIRST:]]
-        moved = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * SMALL_M / 2
-        place = -self.seen.plate.shape(*self._inside(np.array([x, y]) + moved).T)
-        slopes = (place[1::2] - place[2::2]) / SMALL_M
-        each = self._sensed(by_form, place[:1])[:, 0]
-        later, across = (self._sensed(np.einsum("f,sfkn->skn", weight, one), down)
-                         for one, down in ((by_time, place[:1]), (by_form, slopes)))
+        by_form, by_time = self._at(numbers[0])
+        weight, place = np.r_[1.0, numbers[FIRST:]], numbers[None, 1:FIRST]
+        down = self.seen.down(place)
+        slopes = np.concatenate([self.seen.down(place, slope) for slope in SLOPES])
+        each = self._sensed(by_form, down)[:, 0]
+        later, across = (self._sensed(np.einsum("f,sfkn->skn", weight, one), share)
+                         for one, share in ((by_time, down), (by_form, slopes)))
         return np.tensordot(weight, each, 1), np.concatenate([later, across, each[1:]])
-
-    def _inside(self, place_m: Floats) -> Floats:
-        return np.clip(place_m, *self.edges)
 
     @property
     def edges(self) -> tuple[Floats, Floats]:
@@ -133,13 +128,13 @@ class FallSearch:
         return np.array([one[0] for one in lines]), np.array([one[-1] for one in lines])
 
 
-def _forms(model: ArrangementModel) -> Floats:
+def _forms(seen: Seen) -> Floats:
     """f_0 and the others (forms, steps), N, at the middle speed."""
-    coal, gangue = model.laws[:, 0]
-    power, components = np.linalg.eigh(model.covariance)
-    bins = np.vstack([(coal + gangue) / 2, (gangue - coal) / 2,
-                      (components * np.sqrt(np.maximum(power, 0)))[:, :-COMPONENTS - 1:-1].T])
-    return np.asarray(bins @ hats(model.width, model.hat.shape[1], bins.shape[1]).T)
+    law = seen.model.law
+    mean, of_weights = law.of_any
+    power, components = np.linalg.eigh(law.forms.T @ of_weights @ law.forms + law.rest)
+    bins = np.vstack([mean @ law.forms, (components * np.sqrt(np.maximum(power, 0)))[:, :-COMPONENTS - 1:-1].T])
+    return np.asarray(bins @ seen.hats.T)
 
 
 def _motion(plate: PlateModel, force_N: Floats, step_s: float, filtered: Floats) -> Floats:
@@ -212,6 +207,7 @@ class _Fit:
 
         low, high = self.search.edges
         wide = np.full(numbers - FIRST, WIDEST)
+
         def off(flat: Floats) -> Floats:
             return np.r_[both(flat)[0], flat[coefficients]]
 

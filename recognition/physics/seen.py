@@ -10,8 +10,11 @@ import numpy as np
 
 from common.channels import rod_column, sensor_column
 from recognition.estimation.arrays import Booleans, Floats
-from recognition.physics.arrangement_likelihood import SMALL_M, ArrangementModel, hats
+from recognition.physics.arrangement_likelihood import ArrangementModel
+from recognition.physics.force_law import hats
 from recognition.plate.plate_model import PlateModel, modal_steps
+
+SLOPES = ((1, 0), (0, 1))  # derivatives by x and by y
 
 
 def columns_of(plate: PlateModel) -> dict[str, tuple[Floats, bool]]:
@@ -38,14 +41,14 @@ class Seen:
         return np.array([columns_of(self.plate)[name][1] for name in self.model.names])
 
     @cached_property
-    def _hats(self) -> Floats:
+    def hats(self) -> Floats:
         """(steps, bins): a force of 1 N in each bin."""
-        return hats(self.model.width, self.model.hat.shape[1], self.model.laws.shape[2])
+        return hats(self.model.width, self.model.hat.shape[1], self.model.law.bins)
 
     @property
     def _middle_N(self) -> Floats:
         """Mean force (steps,) of coal and gangue at the middle speed."""
-        return np.asarray(self._hats @ self.model.laws[:, 0].mean(axis=0))
+        return np.asarray(self.hats @ self.model.law.mean_force.mean(axis=0))
 
     def _motion(self, plate: PlateModel, force_N: Floats) -> Floats:
         """(c, steps, n): acceleration or amplitude of each mode under a force on it, as each channel takes it."""
@@ -53,14 +56,15 @@ class Seen:
         amplitude, _, acceleration = modal_steps(plate, force, 1 / self.model.step_s)
         return np.where(self.is_rod[:, None, None], amplitude.T, acceleration.T)
 
-    def _down(self, place_m: Floats) -> Floats:
-        """(stones, n): a mode's share of a force downwards at each place."""
-        return -self.plate.shape(*place_m.T)
+    def down(self, place_m: Floats, slope: tuple[int, int] = (0, 0)) -> Floats:
+        """(stones, n): a mode's share of a force downwards at each place, or its derivative of these orders by x and y,
+        per metre."""
+        return -self.plate.shape(place_m[:, 0], place_m[:, 1], slope)
 
     def hat(self) -> Floats:
         """Responses (c, steps, stones) to the hat on each place."""
-        by_mode = self._motion(self.plate, self._hats[:, 0]) * self.observed[:, None]
-        return np.asarray(by_mode @ self._down(self.model.place_m).T)
+        by_mode = self._motion(self.plate, self.hats[:, 0]) * self.observed[:, None]
+        return np.asarray(by_mode @ self.down(self.model.place_m).T)
 
     @cached_property
     def _under_middle(self) -> Floats:
@@ -70,7 +74,7 @@ class Seen:
         """Responses (c, steps, k) to one standard deviation of what is not known, under the mean force on each place:
         of frequencies, damping, shapes at sensors and at places, and of where stones touch."""
         plate, model = self.plate, self.model
-        down = self._down(model.place_m).sum(axis=0)
+        down = self.down(model.place_m).sum(axis=0)
         damping_ratio = np.minimum(plate.damping_ratio * (1 + plate.damping_sd), 0.99)
         for other in (replace(plate, frequency_Hz=plate.frequency_Hz * (1 + plate.frequency_sd)),
                       replace(plate, damping_ratio=damping_ratio)):
@@ -82,6 +86,6 @@ class Seen:
         places = np.sqrt(len(model.place_m)) * plate.shape_sd * plate.rms_shape
         yield self._under_middle * self.observed[:, None] * places
         if model.place_deviation_m > 0:
-            for moved_m in ((SMALL_M, 0.0), (0.0, SMALL_M)):
-                slope = (self._down(model.place_m + moved_m) - self._down(model.place_m)) / SMALL_M
-                yield model.place_deviation_m * (self._under_middle * self.observed[:, None]) @ slope.T
+            for slope in SLOPES:
+                across = self.down(model.place_m, slope)
+                yield model.place_deviation_m * (self._under_middle * self.observed[:, None]) @ across.T

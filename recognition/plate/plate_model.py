@@ -106,16 +106,16 @@ class PlateModel:
                    modes.shape_at(sensor_m), modes.rod_force, lines_x, lines_y, grid, np.full(m, frequency_sd),
                    np.full(m, damping_sd), np.full(m, shape_sd), float(max_frequency_Hz))
 
-    def shape(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Shapes (n, m) at points x_m, y_m (n,), by cubic splines between the grid lines. RecognitionError for a point
-        that is not on the plate."""
+    def shape(self, x_m: Floats, y_m: Floats, slope: tuple[int, int] = (0, 0)) -> Floats:
+        """Shapes (n, m) at points x_m, y_m (n,), by cubic splines between the grid lines; with `slope`, their
+        derivatives of these orders by x and y, per metre. RecognitionError for a point that is not on the plate."""
         x, y = np.atleast_1d(np.asarray(x_m, float)), np.atleast_1d(np.asarray(y_m, float))
         for name, values, lines in (("x_m", x, self.lines_x_m), ("y_m", y, self.lines_y_m)):
             off = ~((values >= lines[0] - 1e-9) & (values <= lines[-1] + 1e-9))
             if off.any():
                 raise RecognitionError(f"{name} = {values[off][0]:g}; must lie on the plate, between {lines[0]:g} and "
                                        f"{lines[-1]:g}")
-        return np.asarray(self._spline(np.column_stack([x, y])), float)
+        return np.asarray(self._spline(np.column_stack([x, y]), nu=slope), float)
 
     def below(self, limit_Hz: float) -> Self:
         """The plate with its modes below a frequency alone."""

@@ -15,6 +15,7 @@ from recognition import Model
 from recognition.__main__ import main
 from recognition.physics.arrangement_likelihood import ArrangementModel, ExpectedMisfit
 from recognition.physics.arrangement_method import ArrangementLikelihood
+from recognition.physics.force_law import ForceLaw
 from tests.analysis.synthetic import write_sweep
 from tests.fuzz.mutations import fuzz, many, mutated, outcome
 
@@ -37,8 +38,9 @@ def _arrangements(record):
     scale = np.sqrt(np.mean(record.signals**2, axis=1))
     hat = rng.standard_normal((channels, samples + 64, 3))
     method.model_ = ArrangementModel(record.names, scale, np.full(channels, 0.1), 1e-5, 1, samples, hat, 2,
-                                     rng.standard_normal((2, 2, 4)), np.eye(4), 7, [], "{}", np.zeros((3, 2)), 0.0, 0.0,
-                                     False, 3.0, 2.0, 4.0)
+                                     ForceLaw(rng.standard_normal((2, 4)), rng.standard_normal((2, 2, 2)),
+                                              np.tile(np.eye(2), (2, 1, 1)), np.eye(4), 3.0, 7), [], "{}",
+                                     np.zeros((3, 2)), 0.0, 0.0, False, 2.0, 4.0)
     method.expected_ = ExpectedMisfit(np.array([0.1, 1.0]), np.ones(2))
     method.limits_, method.error_ = np.ones(2), 0.1
     return method

@@ -55,7 +55,7 @@ def test_stones_on_another_plate_are_counted_once_it_was_tapped(method):
 
 def middle_response(model, one, moved_m=(0.0, 0.0), stones=slice(None)):
     """Of a plate to the mean force of coal and gangue on the places, samples at a row, in shares of the model's scale."""
-    law, steps = model.laws[:, 0].mean(axis=0), np.arange(model.hat.shape[1]) + 0.5
+    law, steps = model.law.mean_force.mean(axis=0), np.arange(model.hat.shape[1]) + 0.5
     force_N = sum(c * np.maximum(0, 1 - abs(steps - (b + 1) * model.width) / model.width) for b, c in enumerate(law))
     place_m = (model.place_m + moved_m)[stones]
     found = channels(one, np.tile(force_N, (len(place_m), 1)), place_m) / model.scale[:, None]
