@@ -109,7 +109,7 @@ _converter.register_unstructure_hook_factory(is_dataclass, _unstructure)
 
 
 FORMAT = "coal-gangue mixing ratio"
-VERSION = 10
+VERSION = 11
 MOST_BYTES = 1e9
 NOT_APPLICABLE = "not applicable"
 

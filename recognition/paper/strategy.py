@@ -52,11 +52,8 @@ class FunctionSpace:
 
     def __call__(self, k: Integers, beta: Floats) -> Floats:
         """Value of function number k at beta, elementwise after broadcasting."""
-        p = self.parameters
-        value = p[k, -1]
-        for power in range(p.shape[1] - 2, -1, -1):
-            value = value * beta + p[k, power]
-        return np.broadcast_to(value, np.broadcast_shapes(k.shape, beta.shape))
+        of_k = np.moveaxis(self.parameters[k], -1, 0)
+        return np.asarray(np.polynomial.polynomial.polyval(beta, of_k, tensor=False), float)
 
 
 @dataclass(frozen=True)

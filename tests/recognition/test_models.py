@@ -50,7 +50,7 @@ def test_saved_model_answers_the_same_and_holds_no_code(model, sweep_path, tmp_p
     expected = model.recognise(signals)
     assert {name: str(a) for name, a in again.recognise(signals).items()} == {name: str(expected[name]) for name in again.methods}
     saved = json.loads((tmp_path / "model.json").read_text())
-    assert saved["version"] == 10 and len(saved["provenance"]["runs"]) == len(RATIOS)
+    assert saved["version"] == 11 and len(saved["provenance"]["runs"]) == len(RATIOS)
     assert saved["provenance"]["runs"][3]["seeds"] == {"packing": 10007}
 
 
