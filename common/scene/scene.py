@@ -220,7 +220,8 @@ class Scene(Table):
     @property
     def falling_materials(self) -> list[str]:
         """Names of the materials that may fall, in alphabetic order."""
-        return self.stones.materials
+        each = self.stones.each
+        return sorted({one.material for one in each} if each is not None else KINDS)
 
     @property
     def falling_shapes(self) -> list[str]:
@@ -326,15 +327,10 @@ def contact_key(first: str, second: str) -> str:
         sorted([first, second]))
 
 
-def read_scene(path: str | Path, gangue_ratio: float | None = None) -> Scene:
-    """The checked scene of a TOML file; `gangue_ratio` (0..1) replaces the scene's own.
-
-    Raises common.tables.InputError, one line with file, key, value and what is allowed.
-    """
-    data = scene_tables(path)
-    if gangue_ratio is not None and isinstance(data.get("stones"), dict):
-        data["stones"]["gangue_ratio"] = gangue_ratio
-    return check(Scene, data, path)
+def read_scene(path: str | Path) -> Scene:
+    """The checked scene of a TOML file. Raises common.tables.InputError, one line with file, key, value and what is
+    allowed."""
+    return changed_scene(path, {})
 
 
 def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:

@@ -211,11 +211,6 @@ class StonesTable(Table):
         """Does `gangue_ratio` decide which stones are gangue?"""
         return self.each is None
 
-    @property
-    def materials(self) -> list[str]:
-        """Names of the materials that may fall, in alphabetic order."""
-        return sorted({one.material for one in self.each} if self.each is not None else KINDS)
-
 
 class ShapeTable(Table):
     """A kind of stone: random convex polyhedra, each by its seed."""
