@@ -69,12 +69,12 @@ def test_a_sweep_changes_keys_of_the_scene(tmp_path, capsys):
                "stones.agglomerate.contact='sub_spheres'"]
     settings = [word for change in changes for word in ("--set", change)]
     assert main(["sweep", str(scene), "--out", str(out), *settings]) == 0
-    assert "4 ratios, 4 to run" in capsys.readouterr().out
+    assert "4 runs, 4 to run" in capsys.readouterr().out
     assert sorted(p.name for p in out.iterdir() if p.is_dir() and p.name != ".modes") == [
         "ratio_000", "ratio_033", "ratio_067", "ratio_100"]
     found = json.loads((out / "ratio_033" / "run.json").read_text())
     assert found["materials"] == ["coal", "gangue", "coal"] and found["scene"]["stones"]["gangue_order"] == [2, 3, 1]
     assert main(["sweep", str(scene), "--out", str(out), *settings]) == 0
-    assert "4 ratios, 0 to run" in capsys.readouterr().out
+    assert "4 runs, 0 to run" in capsys.readouterr().out
     assert main(["sweep", str(scene), "--out", str(out), "--set", "stones.gangue_ratio=0.5"]) == 2
     assert "every ratio" in capsys.readouterr().err
