@@ -35,6 +35,7 @@ INSTEAD = {
     "point_supports": "edges, or short rods",
     "rosin_rammler": "rosin_rammler_m, exponent and within = [least, most]",
     "seed": "stones.seed",
+    "shapes": "tables [shapes.NAME], all of which fall",
     "speed_m_s": "velocity_m_s = SPEED, straight down",
     "strength_factor": "scatter.strength_factor, or a material of its own",
     "uniform": "[least, most] alone",

@@ -23,6 +23,7 @@ from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.coupling.launch import build_engine as make_engine
 from dem.deck.render import write_deck
+from dem.record.energy_balance import PlateEnergy
 from dem.run import run as runs
 from dem.run.directory import SUFFIX
 from dem.run.participants import participant_of
@@ -114,16 +115,6 @@ def deck(scene_file: Path, out: Path, gangue_ratio: float | None = None, changes
     return DeckResult(out / "deck" / "deck.liggghts")
 
 
-@dataclass(frozen=True)
-class PlateEnergy(Result):
-    """Energy of the plate at the end of a run, and what its damping took."""
-
-    line = "plate: kinetic {kinetic_J:.6g} J, internal {internal_J:.6g} J, damped {damped_J:.6g} J"
-    kinetic_J: float
-    internal_J: float
-    damped_J: float
-
-
 def plate(scene_file: Path, out: Path, gangue_ratio: float | None = None, changes: Changes = ()) -> PlateEnergy:
     """Be the plate of the deck in `out`, whose engine somebody starts, stops and debugs by hand."""
     prepared = prepare(_scene(scene_file, gangue_ratio, changes), str(scene_file), user_cache(), True)
@@ -132,8 +123,7 @@ def plate(scene_file: Path, out: Path, gangue_ratio: float | None = None, change
     participant, directory = participant_of(prepared), out / "deck"
     with participant.connected(directory):
         participant.take_part(directory, lambda: True, lambda dem_step: None)
-    energy = participant.energy()
-    return PlateEnergy(energy.kinetic_J, energy.internal_J, energy.damped_J)
+    return participant.energy()
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -18,7 +17,7 @@ from common.result import Result
 from common.scene.plate import read_plate
 from common.scene.scene import changed_scene
 from common.tables import InputError
-from dem.batch.sweep import is_finished, run_all
+from dem.batch.sweep import run_missing
 from dem.coupling.launch import check_engine
 from dem.run.run import run_scene
 from recognition.stone_forces.forces import FORMAT, MATERIALS, History, StoneForces, refuse_limits, save_forces
@@ -27,7 +26,6 @@ DURATION_s = 2.5e-3  # of a run, and kept of the force: the stone has left
 INNER = 0.72  # of the half sides of the plate: stones fall within
 FIRST_SEED = 30011
 LEAST = 16  # stones, by which no law was ever fitted
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -63,22 +61,18 @@ def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], spe
     places = INNER / 2 * np.array(plate.size_m)
     scenes = [changed_scene(scene_file, alone(k % 2 == 1, FIRST_SEED + k, *values)) for k, values in
               enumerate(_spread(stones, radius_m, speed_m_s, places))]
-    directory, failed = out.with_suffix(""), dict[str, str]()
+    directory = out.with_suffix("")
+    runs = {directory / f"stone_{k:04d}": scene for k, scene in enumerate(scenes)}
     with at_work_in(directory, "stones") as lock:
-        paths = [directory / f"stone_{k:04d}" for k in range(stones)]
-        missing = [k for k in range(stones) if not is_finished(paths[k], scenes[k])]
-        works = [partial(run_scene, scenes[k], str(scene_file), paths[k], overwrite=True) for k in missing]
-        for number, code, told in run_all(works, jobs, lock):
-            _log.info("%s: %s", paths[missing[number]], told if code else "finished")
-            if code:
-                failed[paths[missing[number]].name] = told
-    histories = [history_of(path) for path in paths if path.name not in failed]
+        run = partial(run_scene, source=str(scene_file), overwrite=True)
+        failed = run_missing(str(scene_file), runs, run, jobs, lock, overwrite=True)
+    histories = [history_of(path) for path in runs if path not in failed]
     try:
         save_forces(StoneForces.fit(histories), out)
     except ValueError as error:
         raise InputError(f"{scene_file}: {error}") from None
     gangue = sum(h.gangue for h in histories)
-    return LearntForces(out, len(histories) - gangue, gangue, failed)
+    return LearntForces(out, len(histories) - gangue, gangue, {path.name: why for path, why in failed.items()})
 
 
 def alone(gangue: bool, seed: int, radius_m: float, speed_m_s: float, x_m: float, y_m: float) -> dict[str, Any]:

@@ -70,9 +70,9 @@ def _for_editors(name: str, key: Node) -> Node:
     lists = [key, *key.get("oneOf", [])]
     while lists:
         inner = lists.pop()
-        if "prefixItems" in inner:  # as draft 7 has it; all are alike
+        if "prefixItems" in inner:  # as draft 7 has it, where all have what the first has
             inner["items"] = inner.pop("prefixItems")[0]
-        lists += [inner["items"]] if "items" in inner else []
+        lists += [inner[of] for of in ("items", "additionalProperties") if isinstance(inner.get(of), dict)]
     if key.get("$ref", "").endswith("/Distribution"):
         key["oneOf"] = [{"type": "number"}, PAIR, {"$ref": key.pop("$ref")}]
         if "default" in key:

@@ -149,10 +149,10 @@ def test_a_quiet_sweep_and_its_json(tmp_path, capfd):
     assert [run["peak_force_N"] for run in runs] == pytest.approx([4261.6, 7646.3], rel=1e-3)
     assert main(["--json", *words[:-1]]) == 0
     again = capfd.readouterr()
-    assert json.loads(again.out)["runs"] == runs and "2 ratios, 0 to run" in again.err
+    assert json.loads(again.out)["runs"] == runs and "2 runs, 0 to run" in again.err
     assert main(words[:-1]) == 0
     first, *lines, last = capfd.readouterr().out.splitlines()
-    assert first.endswith("2 ratios, 0 to run") and last.endswith("2 of 2 ratios finished")
+    assert first.endswith("2 runs, 0 to run") and last.endswith("2 of 2 ratios finished")
     for line, run in zip(lines, runs, strict=True):
         assert f"peak force {run['peak_force_N']:9.1f} N, {run['n_bonds_broken']} of" in line
 

@@ -9,6 +9,7 @@ ratio (`ratio_030`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -103,11 +104,7 @@ class Run:
     @cached_property
     def breakage(self) -> pd.DataFrame:
         """One row per broken bond, in order of time."""
-        path = self.path / "breakage.parquet"
-        table = read_table(path)
-        missing = [name for name in BREAKAGE_COLUMNS if name not in table.columns]
-        if missing:
-            raise RecordError(f"{path}: no column {missing[0]!r}; needs {', '.join(BREAKAGE_COLUMNS)}")
+        table = _with_columns(self.path / "breakage.parquet", BREAKAGE_COLUMNS)
         return table.sort_values("t_s", kind="stable", ignore_index=True)
 
     def extremes(self, column: str) -> tuple[float, float]:
@@ -136,12 +133,17 @@ def read_run(path: str | Path) -> Run:
     if info.get("status") != "finished":
         raise RecordError(f"{path}/run.json: status = {info.get('status')!r}; needs 'finished'")
     rigid = _summary(info, path).scene.plate.is_rigid
-    signals = read_table(path / "signals.parquet")
     needed = ("t_s", "force_N") if rigid else ("t_s", *RESPONSES, "force_N")  # a rigid plate has no responses
-    missing = [name for name in needed if name not in signals.columns]
+    return Run(path, info, _with_columns(path / "signals.parquet", needed))
+
+
+def _with_columns(file: Path, columns: Sequence[str]) -> pd.DataFrame:
+    """A table of a run. Raises RecordError where it lacks one of the columns."""
+    table = read_table(file)
+    missing = [name for name in columns if name not in table.columns]
     if missing:
-        raise RecordError(f"{path}/signals.parquet: no column {missing[0]!r}")
-    return Run(path, info, signals)
+        raise RecordError(f"{file}: no column {missing[0]!r}; needs {', '.join(columns)}")
+    return table
 
 
 def _read_info(path: Path) -> dict[str, Any]:
@@ -242,11 +244,7 @@ def is_stream(run: Run) -> bool:
 
 def fallen(run: Run) -> pd.DataFrame:
     """stones.parquet of a run, with `is_gangue` beside its columns. Raises RecordError where it is not there."""
-    file = run.path / "stones.parquet"
-    table = read_table(file)
-    missing = [name for name in COLUMNS if name not in table.columns]
-    if missing:
-        raise RecordError(f"{file}: no column {missing[0]!r}; needs {', '.join(COLUMNS)}")
+    table = _with_columns(run.path / "stones.parquet", COLUMNS)
     return table.assign(is_gangue=table["material"].map(run.scene.kind_of) == "gangue")
 
 

@@ -21,7 +21,7 @@ from common.scene.plate import FlexiblePlate
 from common.tables import InputError, check
 from plate_fem.modes import PlateModes, modes_for_loads
 from plate_fem.motion import ModalMotion
-from plate_fem.stress import HertzContact, surface_stress, total_stress, von_mises, von_mises_3d
+from plate_fem.stress import HertzContact, total_stress, von_mises_3d
 
 
 def modes_of(run: Run) -> PlateModes:
@@ -119,11 +119,6 @@ def contact_stress_map_Pa(
     x, y = np.meshgrid(centre.x_m + offset_m, centre.y_m + offset_m, indexing="ij")
     points_m = np.column_stack([x.ravel(), y.ravel()])
     return von_mises_3d(total_stress(modes, amplitude, contacts, points_m, poisson_ratio)).reshape(x.shape)
-
-
-def surface_von_mises_Pa(modes: PlateModes, amplitude: np.ndarray) -> np.ndarray:
-    """Return the von Mises stress of bending at the plate's surface, at the nodes (n_nodes,)."""
-    return von_mises(surface_stress(modes, amplitude))
 
 
 def nodal_at(modes: PlateModes, values: np.ndarray, points_m: np.ndarray) -> np.ndarray:

@@ -29,8 +29,6 @@ WRITER = "coal-gangue-impact"
 STAMP = re.compile(rb"^(?:<!--|#) coal-gangue-impact ([0-9a-f]{64})(?: -->)?\n\Z", re.MULTILINE)
 IsOwn = Callable[[bytes], bool]  # of what is in a file: did this program write it?
 LOCK = ".lock"
-# What directories of earlier versions, which have no contents.json, are known by.
-RUNS_IN = {"sweep": "ratio_*/run.json", "campaign": "*/ratio_*/run.json", "dataset": "*/*/ratio_*/run.json"}
 
 
 class Busy(CommandError, RuntimeError):
@@ -170,8 +168,7 @@ def at_work_in(out: Path, kind: str) -> Iterator[int]:
     Raises InputError for a directory with anything else in it, Busy where another process is at work.
     """
     refuse_place(out)
-    foreign = out.is_dir() and any(map(_is_foreign, out.iterdir())) and kind_of(out) != kind
-    if foreign and not (kind in RUNS_IN and next(out.glob(RUNS_IN[kind]), None)):
+    if out.is_dir() and any(map(_is_foreign, out.iterdir())) and kind_of(out) != kind:
         raise InputError(f"--out = {out}: holds files and no {CONTENTS} of a {kind}; must be absent, empty or a {kind} "
                          "that this program wrote")
     out.mkdir(parents=True, exist_ok=True)

@@ -61,21 +61,16 @@ def law(name: str) -> Law:
 
 def least_tolerance(bonded: bool) -> float:
     """The smallest tolerance that the settings measured can keep."""
-    names = ("time_step", "co_step", "modes") if bonded else ("contact", "co_step_spheres", "modes_spheres")
+    names = ("time_step" if bonded else "contact", law_of("co_step", bonded), law_of("modes", bonded))
     return SHARES * max(float(law(name).errors[0]) for name in names)
 
 
 CUT_OFF_ERROR = 0.01  # that modes left out may make where a scene says nothing; below 3 kHz it is half as much
 
 
-def modes_setting(bonded: bool) -> str:
-    """Name of the error law of the modes."""
-    return "modes" if bonded else "modes_spheres"
-
-
-def co_step_setting(bonded: bool) -> str:
-    """Name of the error law of the co-step."""
-    return "co_step" if bonded else "co_step_spheres"
+def law_of(setting: str, bonded: bool) -> str:
+    """Name of the error law of "modes" or "co_step"."""
+    return setting if bonded else f"{setting}_spheres"
 
 
 def setting_for(name: str, tolerance: float) -> float:
@@ -88,7 +83,7 @@ def with_cut_off(plate: FlexiblePlate, tolerance: float | None, contact_time_s: 
     CUT_OFF_ERROR."""
     if plate.max_frequency_Hz is not None:
         return plate
-    setting = law(modes_setting(bonded)).setting(CUT_OFF_ERROR if tolerance is None else tolerance / SHARES)
+    setting = law(law_of("modes", bonded)).setting(CUT_OFF_ERROR if tolerance is None else tolerance / SHARES)
     return plate.model_copy(update={"max_frequency_Hz": 1 / (setting * contact_time_s)})
 
 

@@ -6,10 +6,11 @@ turns with `tilt_deg`.
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Strict, Tag, model_validator
 
 from common.channels import SENSORS, SensorKind
 from common.scene.file import scene_tables
@@ -18,6 +19,7 @@ from common.tables import InputError, Place, Positive, Refused, Table, about, ch
 ContactStrength = Annotated[float, Field(ge=1e5)]  # Pa: into a softer body a stone sinks whole
 Edge = Literal["x_minus", "x_plus", "y_minus", "y_plus"]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
+PlaceAndSection = Annotated[tuple[float, Positive, Positive], Strict(False)]  # a list is as good as a tuple
 
 WALL_FOOT_m = 0.01  # of a wall below the top face: no stone slips under it where the plate gives way
 LEAST_DENSITY_kg_m3, MOST_DENSITY_kg_m3 = 0.1, 25_000.0
@@ -56,23 +58,16 @@ class Rod(Place):
         return self
 
 
-class Rib(Table):
-    """A rib below the plate, welded to it along its whole side, of its material."""
+@dataclass(frozen=True)
+class Rib:
+    """A rib below the plate, welded to it along its whole side, of its material.
 
-    along: Annotated[Literal["x", "y"], about("side along which it runs")]
-    at_m: Annotated[float, about("place of its middle on the other side")]
-    section_m: Annotated[tuple[Positive, Positive], about("width and height, which is not less")]
+    axis: along which it runs, 0 for x, 1 for y. at_m: place of its middle on the other. section_m: width and height.
+    """
 
-    @model_validator(mode="after")
-    def _stands(self) -> Self:
-        if self.section_m[1] < self.section_m[0]:
-            raise Refused("section_m", self.section_m, "must be at least as high as wide")
-        return self
-
-    @property
-    def axis(self) -> int:
-        """0 along x, 1 along y."""
-        return "xy".index(self.along)
+    axis: int
+    at_m: float
+    section_m: tuple[float, float]
 
     @property
     def area_m2(self) -> float:
@@ -135,9 +130,16 @@ class FlexiblePlate(Plate):
         "side of a finite element; absent: from max_frequency_Hz and rods")] = None
     rods: Annotated[tuple[Rod, ...], about(
         "rods below the plate", paper="four screws, their size not given")] = ()
-    ribs: Annotated[tuple[Rib, ...], about("ribs below the plate, which rods alone must hold (docs/plate.md)"),
-                    Field(exclude_if=lambda ribs: not ribs)] = ()  # hashes of plates without do not depend on it
+    ribs_m: Annotated[dict[Literal["x", "y"], Annotated[tuple[PlaceAndSection, ...], Strict(False)]], about(
+        "ribs (docs/plate.md) by the side along which they run: place on the other side, width and height"),
+        Field(exclude_if=lambda ribs: not ribs)] = {}  # hashes of plates without do not depend on it
     sensors: Annotated[tuple[Sensor, ...], about("sensors")] = ()
+
+    @property
+    def ribs(self) -> tuple[Rib, ...]:
+        """The ribs along x, and after them those along y."""
+        return tuple(Rib("xy".index(along), at_m, (width, height))
+                     for along in ("x", "y") for at_m, width, height in self.ribs_m.get(along, ()))
 
     @property
     def accelerometers(self) -> tuple[Sensor, ...]:
@@ -164,18 +166,22 @@ class FlexiblePlate(Plate):
     @model_validator(mode="after")
     def _ribs_fit(self) -> Self:
         if self.ribs and not (self.rods and self.edges == "free"):
-            raise Refused("ribs", f"{len(self.ribs)} ribs", "needs a plate with free edges on rods")
+            raise Refused("ribs_m", f"{len(self.ribs)} ribs", "needs a plate with free edges on rods")
         for i, rib in enumerate(self.ribs):
+            before = [other for other in self.ribs[:i] if other.axis == rib.axis]
             limit = (self.size_m[1 - rib.axis] - rib.section_m[0]) / 2
-            if not abs(rib.at_m) <= limit * (1 + 1e-12):
-                raise Refused(f"ribs.{i}.at_m", rib.at_m, f"must be from {-limit:g} to {limit:g}: on the plate")
+            wrong = ""
+            if rib.section_m[1] < rib.section_m[0]:
+                wrong = "must be at least as high as wide"
+            elif not abs(rib.at_m) <= limit * (1 + 1e-12):
+                wrong = f"its place must be from {-limit:g} to {limit:g}: on the plate"
+            elif any(abs(other.at_m - rib.at_m) < (other.section_m[0] + rib.section_m[0]) / 2 for other in before):
+                wrong = "must not overlap another rib"
             for k, rod in enumerate(self.rods):
                 if abs(rod.place_m[1 - rib.axis] - rib.at_m) < (rod.diameter_m + rib.section_m[0]) / 2:
-                    raise Refused(f"ribs.{i}.at_m", rib.at_m, f"must leave room for rods.{k}")
-            for other in self.ribs[:i]:
-                gap_m = abs(other.at_m - rib.at_m) - (other.section_m[0] + rib.section_m[0]) / 2
-                if other.along == rib.along and gap_m < 0:
-                    raise Refused(f"ribs.{i}.at_m", rib.at_m, "must not overlap another rib")
+                    wrong = wrong or f"must leave room for rods.{k}"
+            if wrong:
+                raise Refused(f"ribs_m.{'xy'[rib.axis]}.{len(before)}", (rib.at_m, *rib.section_m), wrong)
         return self
 
     @model_validator(mode="after")

@@ -138,7 +138,8 @@ class Scene(Table):
     stones: Annotated[StonesTable, about("what falls")]
     shapes: Annotated[
         dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)], Shape],
-        about("shapes of stones that are no spheres; a text names a closed mesh, such as an STL file beside the scene"),
+        about("shapes of stones that are no spheres, all of them drawn; a text names a closed mesh, such as an STL file"
+              " beside the scene"),
     ] = {}
     materials: Annotated[
         dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$", max_length=32)], MaterialTable],
@@ -149,6 +150,15 @@ class Scene(Table):
     scatter: Annotated[ScatterTable, about("what each stone has of its own")] = ScatterTable()
     plate: Annotated[PlateTable, about("the plate")]
     ranks: Annotated[Annotated[int, Field(ge=1, le=256)], about("MPI ranks of a run (docs/campaigns.md)")] = 1
+
+    @model_validator(mode="after")
+    def _shape_chooses_contact(self) -> Self:
+        table = self.stones.agglomerate
+        if table is not None and table.contact is None:
+            contact = "smooth" if self.falling_shapes == [SPHERE] else "faces"
+            # The scene as it is run says which, in run.json as in its hash.
+            object.__setattr__(self.stones, "agglomerate", table.model_copy(update={"contact": contact}))
+        return self
 
     @model_validator(mode="after")
     def _names_agree(self) -> Self:
@@ -210,7 +220,15 @@ class Scene(Table):
     @property
     def falling_materials(self) -> list[str]:
         """Names of the materials that may fall, in alphabetic order."""
-        return self.stones.materials
+        each = self.stones.each
+        return sorted({one.material for one in each} if each is not None else KINDS)
+
+    @property
+    def falling_shapes(self) -> list[str]:
+        """"sphere", or names of tables in `shapes`, of the stones that may fall, in alphabetic order."""
+        if self.stones.each is not None:
+            return sorted({one.shape for one in self.stones.each})
+        return sorted(self.shapes) if self.stones.drawn is not None and self.shapes else [SPHERE]
 
     @property
     def gravity_vector_m_s2(self) -> tuple[float, float, float]:
@@ -255,19 +273,20 @@ class Scene(Table):
     def _check_shapes(self) -> None:
         if SPHERE in self.shapes:
             raise Refused(f"shapes.{SPHERE}", SPHERE, "must have another name, this one is the sphere's")
-        for name in self.stones.shapes:
+        for k, one in enumerate(self.stones.each or ()):
+            if one.shape not in (SPHERE, *self.shapes):
+                raise Refused(f"stones.each.{k}.shape", one.shape,
+                              f"unknown shape; shapes here are {sorted([SPHERE, *self.shapes])}")
+        for name in self.falling_shapes:
             if name == SPHERE:
                 continue
-            if name not in self.shapes:
-                raise Refused(self.stones.key_of_shape(name), name,
-                              f"unknown shape; shapes here are {sorted([SPHERE, *self.shapes])}")
             if self.stones.agglomerate is None:
                 raise Refused("stones.agglomerate", None, f"must be given: {name} is made of sub-spheres")
             if self.has_smooth_contact:
                 raise Refused("stones.agglomerate.contact", "smooth", "must be \"faces\" or \"sub_spheres\" where "
                               "stones are no spheres: flat faces, edges and corners have no smooth sphere to stand for")
         if self.stones.agglomerate is not None and self.stones.agglomerate.contact == "faces":
-            if set(self.stones.shapes) <= {SPHERE}:
+            if self.falling_shapes == [SPHERE]:
                 raise Refused("stones.agglomerate.contact", "faces", "must be \"smooth\" or \"sub_spheres\" where all "
                               "stones are spheres, which have no faces")
             if self.plate.yield_stress_Pa is not None:
@@ -308,15 +327,10 @@ def contact_key(first: str, second: str) -> str:
         sorted([first, second]))
 
 
-def read_scene(path: str | Path, gangue_ratio: float | None = None) -> Scene:
-    """The checked scene of a TOML file; `gangue_ratio` (0..1) replaces the scene's own.
-
-    Raises common.tables.InputError, one line with file, key, value and what is allowed.
-    """
-    data = scene_tables(path)
-    if gangue_ratio is not None and isinstance(data.get("stones"), dict):
-        data["stones"]["gangue_ratio"] = gangue_ratio
-    return check(Scene, data, path)
+def read_scene(path: str | Path) -> Scene:
+    """The checked scene of a TOML file. Raises common.tables.InputError, one line with file, key, value and what is
+    allowed."""
+    return changed_scene(path, {})
 
 
 def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:

@@ -86,9 +86,6 @@ class DrawnTable(Table):
     footprint_m: Annotated[tuple[Pair, Pair] | None, about(
         "from and to of the centres, along length and width; absent: the plate less half the largest size")] = None
     spin_rad_s: Annotated[Spread, about("rate of turn, about a random axis")] = one_value(0.0)
-    shapes: Annotated[tuple[str, ...], Field(min_length=1), about(
-        "\"sphere\" and names of tables in shapes, drawn with equal chance"),
-    ] = (SPHERE,)
     least_fragment: Annotated[Annotated[int, Field(ge=2)] | None, about(
         "fragments of fewer sub-spheres are taken out and counted as they fly; absent: none")] = None
 
@@ -197,14 +194,6 @@ class StonesTable(Table):
         object.__setattr__(self, "gangue_order", whole)  # as the scene is run
         return self
 
-    @model_validator(mode="after")
-    def _shape_chooses_contact(self) -> Self:
-        if self.agglomerate is not None and self.agglomerate.contact is None:
-            contact = "smooth" if self.shapes == [SPHERE] else "faces"
-            # The scene as it is run says which, in run.json as in its hash.
-            object.__setattr__(self, "agglomerate", self.agglomerate.model_copy(update={"contact": contact}))
-        return self
-
     @property
     def volley(self) -> tuple[int, float]:
         """Number and radius of the stones of a volley. Raises Refused where there is none."""
@@ -221,24 +210,6 @@ class StonesTable(Table):
     def shares_gangue(self) -> bool:
         """Does `gangue_ratio` decide which stones are gangue?"""
         return self.each is None
-
-    @property
-    def materials(self) -> list[str]:
-        """Names of the materials that may fall, in alphabetic order."""
-        return sorted({one.material for one in self.each} if self.each is not None else KINDS)
-
-    def key_of_shape(self, name: str) -> str:
-        """The key that names a shape first."""
-        if self.each is not None:
-            return f"stones.each.{[one.shape for one in self.each].index(name)}.shape"
-        return "stones.drawn.shapes"
-
-    @property
-    def shapes(self) -> list[str]:
-        """Names of the shapes that may fall, in alphabetic order."""
-        if self.each is not None:
-            return sorted({one.shape for one in self.each})
-        return sorted(set(self.drawn.shapes)) if self.drawn is not None else [SPHERE]
 
 
 class ShapeTable(Table):

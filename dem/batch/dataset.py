@@ -8,35 +8,28 @@ alone, so that more groups or other families leave the rest as it is.
 
 from __future__ import annotations
 
-import logging
-import time
 import zlib
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from common.files.cache import user_cache
 from common.files.output_directory import at_work_in, remove_written
 from common.scene.distribution import Spread
-from common.scene.scene import Scene, changed_scene, ratio_name, scene_hash
+from common.scene.scene import Scene, changed_scene, ratio_name
 from common.scene.stones import MOST_STONES
 from common.tables import InputError, NotNegative, Positive, Refused, Table, check, read_toml, refused_in
-from dem.batch.sweep import is_finished, run_all
+from dem.batch.sweep import run_missing
 from dem.commands import BatchResult
 from dem.coupling.launch import check_engine
-from dem.run.directory import KIND, RunDirectory
-from dem.run.prepare import prepare
-from dem.run.run import run_prepared
+from dem.run.directory import KIND
+from dem.run.run import run_scene
 from dem.stones.arrangement import stones_of
 
 QUIET_s = 0.05  # before the first stone of a stream: noise and offsets are learnt of it
 NOT_KEPT = ("deck/", "energy.parquet")  # 6 MB a run; the deck follows from the scene in run.json
-_log = logging.getLogger(__name__)
-
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -173,36 +166,18 @@ def build(plan_file: Path, out: Path, jobs: int, overwrite: bool = False, runs: 
     replaced with `overwrite` only. Raises InputError for bad input, Busy where another process is at work."""
     check_engine()
     planned = plan_dataset(plan_file, runs)
+    sources = {out / one.directory: one.source for one in planned}
+
+    def run(scene: Scene, out: Path) -> dict[str, Any]:
+        summary = run_scene(scene, sources[out], out, overwrite=overwrite)
+        remove_written(out, KIND, below=NOT_KEPT)
+        return summary
+
     with at_work_in(out, "dataset") as lock:
-        missing = [run for run in planned if not is_finished(out / run.directory, run.scene, overwrite)]
-        for run in missing:
-            RunDirectory(out / run.directory).refuse(scene_hash(run.scene), overwrite)
-        _log.info("%s: %d runs, %d to run", plan_file, len(planned), len(missing))
-        failed = _run_missing(missing, out, jobs, overwrite, lock)
-    return BatchResult(out, len(planned), len(planned) - len(failed), failed)
-
-
-def _run_missing(missing: list[DatasetRun], out: Path, jobs: int, overwrite: bool, lock: int) -> dict[str, str]:
-    """Returns why runs failed. The processes at work end with this one, and if this ends early."""
-    start, failed = time.monotonic(), dict[str, str]()
-    works = [partial(_run, run, out, overwrite) for run in missing]
-    for done, (number, code, told) in enumerate(run_all(works, jobs, lock), 1):
-        place = str(missing[number].directory)
-        if code:
-            failed[place] = told
-        left_min = (time.monotonic() - start) / done * (len(missing) - done) / 60
-        _log.info("%d of %d, left %.0f min: %s: %s", done, len(missing), left_min, place,
-                  f"failed with code {code}" if code else told)
-    return failed
-
-
-def _run(planned: DatasetRun, out: Path, overwrite: bool) -> str:
-    directory = out / planned.directory
-    prepared = prepare(planned.scene, planned.source, user_cache())
-    summary = run_prepared(prepared, directory, overwrite=overwrite)
-    remove_written(directory, KIND, below=NOT_KEPT)
-    return (f"{summary['peak_force_N']:.0f} N, {summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
-            f"{sum(summary['wall_time_s'].values()):.0f} s")
+        scenes = {out / one.directory: one.scene for one in planned}
+        failed = run_missing(str(plan_file), scenes, run, jobs, lock, overwrite)
+    return BatchResult(out, len(planned), len(planned) - len(failed),
+                       {str(place.relative_to(out)): why for place, why in failed.items()})
 
 
 class StreamFamily(Table):

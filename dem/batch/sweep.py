@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import multiprocessing
 import os
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -69,30 +70,15 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Changes = (), overwri
         raise InputError(f"{scene_file}: stones.each: a sweep shares out the gangue; needs stones.count, drawn "
                          "or stream")
     count = RATIOS_OF_DRAWN if stones.drawn else stones.volley[0]
-    scenes = {k / count: changed_scene(scene_file, keys | {RATIO: k / count}) for k in range(count + 1)}
+    scenes = {out / ratio_name(k / count): changed_scene(scene_file, keys | {RATIO: k / count})
+              for k in range(count + 1)}
     for scene in scenes.values():
         stones_of(scene, str(scene_file))
     with at_work_in(out, "sweep") as lock:
-        missing = [ratio for ratio, scene in scenes.items()
-                   if not is_finished(out / ratio_name(ratio), scene, overwrite)]
-        for ratio in missing:
-            RunDirectory(out / ratio_name(ratio)).refuse(scene_hash(scenes[ratio]), overwrite)
-        _log.info("%s: %d ratios, %d to run", scene_file, len(scenes), len(missing))
-        found = {ratio: _read(out / ratio_name(ratio)) for ratio in scenes if ratio not in missing}
-        failed: dict[str, str] = {}
-        works = [partial(_run, scenes[ratio], str(scene_file), out / ratio_name(ratio), overwrite) for ratio in missing]
-        for number, code, told in run_all(works, jobs, lock):
-            ratio = missing[number]
-            if code:
-                failed[ratio_name(ratio)] = told
-            else:
-                found[ratio] = told
-                _log.info("%s: finished, %d of %d", out / ratio_name(ratio), len(found), len(scenes))
-    return SweepResult(out, tuple(found[ratio] for ratio in sorted(found)), failed)
-
-
-def _run(scene: Scene, source: str, out: Path, overwrite: bool) -> RunResult:
-    return RunResult.of(out, run_scene(scene, source, out, show_progress=True, overwrite=overwrite))
+        run = partial(run_scene, source=str(scene_file), show_progress=True, overwrite=overwrite)
+        failed = run_missing(str(scene_file), scenes, run, jobs, lock, overwrite)
+    return SweepResult(out, tuple(_read(place) for place in scenes if place not in failed),
+                       {place.name: why for place, why in failed.items()})
 
 
 def _read(directory: Path) -> RunResult:
@@ -112,6 +98,31 @@ def is_finished(directory: Path, scene: Scene, overwrite: bool = False) -> bool:
             raise
         return False
     return summary is not None and summary.status == "finished" and summary.scene_hash == scene_hash(scene)
+
+
+def run_missing(source: str, scenes: Mapping[Path, Scene], run: Callable[..., dict[str, Any]], jobs: int, lock: int,
+                overwrite: bool) -> dict[Path, str]:
+    """Run the scenes whose directories do not hold a finished run of them, `jobs` at a time, by `run(scene, out=...)`,
+    which returns what run.json says, and tell of each. Returns by its directory why a run failed. Raises InputError,
+    before the first begins, for a directory whose contents must not be replaced."""
+    missing = [place for place, scene in scenes.items() if not is_finished(place, scene, overwrite)]
+    for place in missing:
+        RunDirectory(place).refuse(scene_hash(scenes[place]), overwrite)
+    _log.info("%s: %d runs, %d to run", source, len(scenes), len(missing))
+    start, failed = time.monotonic(), dict[Path, str]()
+    works = [partial(run, scenes[place], out=place) for place in missing]
+    for done, (number, code, told) in enumerate(run_all(works, jobs, lock), 1):
+        if code:
+            failed[missing[number]] = told
+        left_min = (time.monotonic() - start) / done * (len(missing) - done) / 60
+        _log.info("%d of %d, left %.0f min: %s: %s", done, len(missing), left_min, missing[number],
+                  f"failed with code {code}" if code else _in_words(told))
+    return failed
+
+
+def _in_words(summary: dict[str, Any]) -> str:
+    return (f"{summary['peak_force_N']:.0f} N, {summary['n_bonds_broken']} of {summary['n_bonds']} bonds broken, "
+            f"{sum(summary['wall_time_s'].values()):.0f} s")
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,8 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
     if assembly.faces:
         writers["faces.txt"] = lambda file: write_faces(file, scene, assembly)
     if modes is not None:
-        writers["shapes.bin"] = lambda file: _write_shapes(file, modes, _drags_plate(scene, assembly))
+        drags = any(scene.plate_contact(one.material).friction for one in assembly.substances)
+        writers["shapes.bin"] = lambda file: _write_shapes(file, modes, drags)
     for name, write in writers.items():
         with named(directory / name):
             write(directory / name)
@@ -297,10 +298,6 @@ def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
         if _common_velocity(assembly) is None:  # velocity and spin of every sub-sphere when its stone enters
             out.write("\nVelocities\n\n")
             np.savetxt(out, np.column_stack([number, *assembly.start_motion()]), fmt=["%d"] + ["%.17g"] * 6)
-
-
-def _drags_plate(scene: Scene, assembly: Assembly) -> bool:
-    return any(scene.plate_contact(one.material).friction for one in assembly.substances)
 
 
 def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:

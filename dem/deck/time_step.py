@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from common import hertz
-from common.scene.error_laws import co_step_setting, modes_setting, setting_for
+from common.scene.error_laws import law_of, setting_for
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from common.tables import InputError
@@ -115,7 +115,7 @@ def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float 
     resolved = min(limits.stone_contact_time_s / CO_STEPS_IN_CONTACT,
                    limits.subsphere_contact_time_s / CO_STEPS_IN_FRAGMENT_CONTACT)
     if scene.tolerance is not None:
-        setting = setting_for(co_step_setting(limits.bond_time_s is not None), scene.tolerance)
+        setting = setting_for(law_of("co_step", limits.bond_time_s is not None), scene.tolerance)
         resolved = min(resolved, setting * limits.stone_contact_time_s)
     co_step = _co_step(scene, wanted, resolved, mutual, file)
     sample_steps, steps = _counted_steps(scene, wanted, co_step, file)
@@ -210,8 +210,8 @@ def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[
     settings = ({"contact": step.dt_s / contact} if step.bond_time_s is None else
                 {"time_step": step.dt_s / step.bond_time_s})
     if isinstance(scene.plate, FlexiblePlate) and scene.plate.max_frequency_Hz is not None:
-        settings |= {co_step_setting(assembly.n_bonds > 0): step.co_step * step.dt_s / contact,
-                     modes_setting(assembly.n_bonds > 0): 1 / (scene.plate.max_frequency_Hz * contact)}
+        settings |= {law_of("co_step", assembly.n_bonds > 0): step.co_step * step.dt_s / contact,
+                     law_of("modes", assembly.n_bonds > 0): 1 / (scene.plate.max_frequency_Hz * contact)}
     return settings
 
 

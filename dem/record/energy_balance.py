@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 
 from common.files.parquet import Columns
+from common.result import Result
 from common.scene.scene import Scene
 from dem.stones.assembly import Assembly
 
@@ -78,9 +79,11 @@ def read_ledger(file: Path, n_agglomerates: int) -> StoneLedger:
 
 
 @dataclass(frozen=True)
-class PlateEnergy:
-    """Energies of the plate at the end, J; all zero for a rigid plate."""
+class PlateEnergy(Result):
+    """Energies of the plate at the end of a run, what its damping took, and what the stones did on it, J; all zero for
+    a rigid plate."""
 
+    line = "plate: kinetic {kinetic_J:.6g} J, internal {internal_J:.6g} J, damped {damped_J:.6g} J, work {work_J:.6g} J"
     kinetic_J: float = 0.0
     internal_J: float = 0.0
     damped_J: float = 0.0

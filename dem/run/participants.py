@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -30,25 +30,15 @@ from plate_fem.modes import PlateModes
 from plate_fem.motion import FILE, ModalMotion
 from plate_fem.stress import HertzContact
 
-
-@dataclass
-class CouplingState:
-    """How far the coupling is: the DEM step, the last modal force (modes,), which is None before the first row is
-    recorded, the co-steps over which that force is the mean, and the co-steps that the engine then asked to
-    extrapolate."""
-
-    dem_step: int = 0
-    last_force: np.ndarray | None = None
-    co_steps: int = 0
-    extrapolated_co_steps: int = 0
-
-
 Recorder = Callable[[range, np.ndarray, np.ndarray, np.ndarray], None]
 
 
 @dataclass
 class PlateParticipant:
-    """A plate in `motion` that answers the engine; `state` says where to go on and is kept up to date.
+    """A plate in `motion` that answers the engine.
+
+    How far the coupling is: the DEM step, the last modal force (modes,), which is None before the first row is
+    recorded, the co-steps over which that force is the mean, and those that the engine then asked to extrapolate.
 
     `record(dem_steps, states, force, last_force)` is called with one or several rows of the fast stream: amplitude and
     rate (rows, 2, modes) at each, and the force then acting, (modes,), which is another one at the last row. There it
@@ -58,14 +48,17 @@ class PlateParticipant:
     motion: ModalMotion
     step: TimeStep
     record: Recorder
-    state: CouplingState = field(default_factory=CouplingState)
+    dem_step: int = 0
+    last_force: np.ndarray | None = None
+    co_steps: int = 0
+    extrapolated_co_steps: int = 0
 
     def run(self, pipes: PlatePipes, keep: Callable[[int], None] = lambda dem_step: None) -> None:
         """Answer the engine until it has finished. `keep(dem_step)` is called when the engine has written its half of a
         checkpoint. Raises CouplingError."""
         none = np.zeros_like(self.motion.amplitude)
-        if self.state.last_force is None:
-            self.state.last_force = none
+        if self.last_force is None:
+            self.last_force = none
             self.record(range(1), self.motion.state[None], none, none)
         while not isinstance(message := pipes.receive(), FinishedMessage):
             if isinstance(message, CheckpointMessage):
@@ -75,20 +68,20 @@ class PlateParticipant:
                 amplitude, rate = self._move(message)
                 pipes.answer(message.step, self.motion.reach_m(amplitude, rate), amplitude, rate)
         pipes.confirm(message)
-        self._advance(none, none, (self.step.steps - self.state.dem_step) // self.step.co_step)
+        self._advance(none, none, (self.step.steps - self.dem_step) // self.step.co_step)
 
     def _move(self, message: ForceMessage) -> tuple[np.ndarray, np.ndarray]:
         """Move over the time that the message covers; return the state predicted for when the engine asked. Raises
         CouplingError if that time does not begin where the last message ended, or ends after the run."""
-        state, force = self.state, message.modal_force
-        due = state.dem_step + message.co_steps * self.step.co_step
+        force = message.modal_force
+        due = self.dem_step + message.co_steps * self.step.co_step
         if message.step != due or due > self.step.steps:
             raise CouplingError(f"the engine sent step {message.step} after {message.co_steps} co-steps from step "
-                                f"{state.dem_step}; allowed is {due}, up to the last one, {self.step.steps}")
-        slope = self._trend(message) * (force - state.last_force)
+                                f"{self.dem_step}; allowed is {due}, up to the last one, {self.step.steps}")
+        slope = self._trend(message) * (force - self.last_force)
         self._advance(force, force + slope * (message.co_steps / 2), message.co_steps)
-        state.last_force, state.co_steps = force, message.co_steps
-        state.extrapolated_co_steps = message.extrapolated_co_steps
+        self.last_force, self.co_steps = force, message.co_steps
+        self.extrapolated_co_steps = message.extrapolated_co_steps
         extrapolated = force + slope * ((message.co_steps + message.extrapolated_co_steps) / 2)
         amplitude, rate = self.motion.predict(extrapolated, message.extrapolated_co_steps)
         return amplitude, rate
@@ -96,12 +89,12 @@ class PlateParticipant:
     def _trend(self, message: ForceMessage) -> float:
         """One over the co-steps between the middles of the last two forces, which are means. It is 0 after free flight,
         when there is no trend to extrapolate."""
-        gapless = 0 < message.co_steps == self.state.extrapolated_co_steps
-        return 2 / (self.state.co_steps + message.co_steps) if gapless else 0.0
+        gapless = 0 < message.co_steps == self.extrapolated_co_steps
+        return 2 / (self.co_steps + message.co_steps) if gapless else 0.0
 
     def _advance(self, force: np.ndarray, force_at_end: np.ndarray, co_steps: int) -> None:
         """Move over `co_steps` under a constant force, and record each row of the fast stream."""
-        motion, step, now = self.motion, self.step, self.state.dem_step
+        motion, step, now = self.motion, self.step, self.dem_step
         end = now + co_steps * step.co_step
         while now < end:
             rows = min((end - now) // step.fast_steps, motion.ROWS)
@@ -115,7 +108,7 @@ class PlateParticipant:
             now = steps[-1]
             if now % step.fast_steps == 0:
                 self.record(steps, states, force, force_at_end if now == end else force)
-        self.state.dem_step = now
+        self.dem_step = now
 
 
 class RigidPlateParticipant:
@@ -167,7 +160,7 @@ class FlexiblePlateParticipant:
         self._recorder = PlateRecorder(scene, modes, self._motion, step,
                                        picture_schedule(scene, prepared.assembly, step),
                                        PlateMonitor(scene, prepared.assembly))
-        self._state = CouplingState()
+        self._participant = PlateParticipant(self._motion, step, self._recorder)
         self._pipes: PlatePipes | None = None
 
     @property
@@ -179,17 +172,17 @@ class FlexiblePlateParticipant:
         """Go on from the plate's half of the checkpoint of the run `identity` at `dem_step`. Raises InputError if it
         cannot be read."""
         kept = read_plate_state(plate_file(deck / "checkpoint", dem_step), identity)
-        state = self._state
-        state.dem_step, state.co_steps, state.extrapolated_co_steps = (int(number) for number in kept["coupling"])
-        state.last_force = kept["last_force"]
+        one = self._participant
+        one.dem_step, one.co_steps, one.extrapolated_co_steps = (int(number) for number in kept["coupling"])
+        one.last_force = kept["last_force"]
         self._motion.set_state(_part("motion_", kept))
         self._recorder.set_state(_part("plate_", kept))
 
     def _checkpoint(self) -> State:
-        state = self._state
-        assert state.last_force is not None  # the first message was answered
-        return {"coupling": np.array([state.dem_step, state.co_steps, state.extrapolated_co_steps]),
-                "last_force": state.last_force,
+        one = self._participant
+        assert one.last_force is not None  # the first message was answered
+        return {"coupling": np.array([one.dem_step, one.co_steps, one.extrapolated_co_steps]),
+                "last_force": one.last_force,
                 **{f"motion_{name}": value for name, value in self._motion.get_state().items()},
                 **{f"plate_{name}": value for name, value in self._recorder.get_state().items()}}
 
@@ -214,9 +207,9 @@ class FlexiblePlateParticipant:
             progress(dem_steps[-1])
 
         self._pipes.open(alive)
-        participant = PlateParticipant(self._motion, self._step, record, self._state)
-        participant.run(self._pipes, lambda dem_step: write_plate_state(deck / "checkpoint", dem_step,
-                                                                        self._checkpoint(), identity))
+        self._participant.record = record
+        self._participant.run(self._pipes, lambda dem_step: write_plate_state(deck / "checkpoint", dem_step,
+                                                                              self._checkpoint(), identity))
 
     def signals(self, dem_steps: range) -> Columns:
         """The plate's signals, one row for each of `dem_steps`. Raises RuntimeError if others were recorded."""

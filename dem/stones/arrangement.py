@@ -44,12 +44,13 @@ def drawn_stones(scene: Scene, file: str) -> list[Stone]:
     axis = of_spin.normal(size=(count, 3))
     spin = table.spin_rad_s.draw(count, of_spin)[:, None] * axis / np.linalg.norm(axis, axis=1)[:, None]
     packing, attitude = shared_packings(scene, count)
-    shape = rng("shape").integers(len(table.shapes), size=count)
+    shapes = scene.falling_shapes
+    shape = rng("shape").integers(len(shapes), size=count)
     stones = [Stone(material=GANGUE if gangue[k] else COAL, radius_m=float(size_m[k]) / 2,
                     place_m=(0.0, 0.0), velocity_m_s=tuple(float(speed[k]) * d for d in scene.down),  # type: ignore[arg-type]
                     seed=packing[k], gap_m=scene.stones.gap_m, arrival_s=float(arrival_s[k]),
                     spin_rad_s=tuple(spin[k].tolist()), attitude=attitude[k],
-                    shape=table.shapes[shape[k]], flaw_seed=seed + k) for k in range(count)]
+                    shape=shapes[shape[k]], flaw_seed=seed + k) for k in range(count)]
     return _placed(scene, stones, table, rng("place"), file)
 
 

@@ -142,12 +142,12 @@ class Entry:
         return self.entry_s > 1e-12
 
 
-def entry_of(stone: Stone, gravity_m_s2: Sequence[float], longest_s: float = math.inf) -> Entry:
-    """Trace the path of a stone back from its touch, at most to its highest point, to the start of the simulation, and
-    by `longest_s`. A stone that arrives at 0 starts `gap_m` above the plate with its speed."""
+def entry_of(stone: Stone, gravity_m_s2: Sequence[float]) -> Entry:
+    """Trace the path of a stone back from its touch, at most to its highest point, to the start of the simulation. A
+    stone that arrives at 0 starts `gap_m` above the plate with its speed."""
     if stone.arrival_s == 0:
         return Entry(0.0, (0.0, 0.0, stone.gap_m), stone.velocity_m_s)
-    tau = min(stone.arrival_s, apex_s(stone, gravity_m_s2), longest_s)
+    tau = min(stone.arrival_s, apex_s(stone, gravity_m_s2))
     offset, velocity = path_before(stone.velocity_m_s, gravity_m_s2, tau)
     return Entry(stone.arrival_s - tau, offset, velocity)
 

@@ -66,10 +66,10 @@ class Plate:
     def table(self) -> FlexiblePlate:
         rods = [{"place_m": [a * x, b * y], "diameter_m": diameter, "length_m": self.length_m, **OF_ROD}
                 for x, y, diameter in self.rods for a, b in self.images]
-        ribs = [{"along": "xy"[axis], "at_m": at, "section_m": section} for axis, at_m, *section in self.ribs
-                for at in sorted({at_m, at_m * self.images[-1][0]})]
+        ribs = {along: [[at, *section] for axis, at_m, *section in self.ribs if "xy"[axis] == along
+                        for at in sorted({at_m, at_m * self.images[-1][0]})] for along in "xy"}
         return FlexiblePlate.model_validate({
-            "size_m": list(self.side_m), "thickness_m": self.thickness_m, "rods": rods, "ribs": ribs,
+            "size_m": list(self.side_m), "thickness_m": self.thickness_m, "rods": rods, "ribs_m": ribs,
              "max_frequency_Hz": self.highest_Hz, "damping_ratio": DAMPING, **STEEL})
 
 

@@ -29,7 +29,7 @@ SCENE = resource("scenes") / "paper.toml"
 BELOW_Hz, BAND_Hz, MASS_kg = 5000.0, 6000.0, 39.15
 SEEDS, COUNTS, RATE_Hz = (1, 2), (1, 2, 4), 120e3
 KINDS = ("0.01", "0.03", "ribs", "solid", "other theory")
-RIBS = [{"along": "x", "at_m": at_m, "section_m": (0.02, 0.04)} for at_m in (-0.1, 0.1)]
+RIBS = {"x": [(at_m, 0.02, 0.04) for at_m in (-0.1, 0.1)]}
 LEAST_MOTION = 0.3  # of a shape's mean square times the mass: less is a mode in the plane or of the rods
 
 
@@ -37,8 +37,8 @@ def thought(kind: str, highest_Hz: float) -> PlateModel:
     """What the plate is thought to be."""
     plate = read_plate(SCENE)
     assert isinstance(plate, FlexiblePlate)
-    ribs = RIBS if kind == "ribs" else []
-    table = FlexiblePlate.model_validate(plate.model_dump(exclude_none=True) | {"ribs": ribs})
+    ribs = RIBS if kind == "ribs" else {}
+    table = FlexiblePlate.model_validate(plate.model_dump(exclude_none=True) | {"ribs_m": ribs})
     return PlateModel.from_scene(table, highest_Hz)
 
 

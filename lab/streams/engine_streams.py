@@ -63,7 +63,7 @@ class Kind:
 KINDS = {
     "clones": Kind(6),
     "natural": Kind(3, {"scatter": SCATTER, "stones.drawn.size_m": [0.042, 0.058]}, (0.021, 0.029)),
-    "blocks": Kind(3, {"shapes": SHAPES, "stones.drawn.shapes": list(SHAPES), "stones.agglomerate.contact": "faces",
+    "blocks": Kind(3, {"shapes": SHAPES, "stones.agglomerate.contact": "faces",
                        "stones.drawn.rate_1_s": 40.0}),
     "caving": Kind(2, {"plate.max_frequency_Hz": HIGHEST_Hz}, (0.03, 0.075), (2.7, 3.9), "caving.toml", known=False),
     **{name: Kind(radius_m=radius_m, speed_m_s=(1.8, 4.0), scene="stream.toml", family=name)

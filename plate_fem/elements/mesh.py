@@ -278,11 +278,6 @@ def _least_modes(plate: FlexiblePlate, frequency_Hz: float) -> float:
     return math.prod(plate.size_m) * wavenumber**2 / (4 * math.pi)
 
 
-def mesh_size(plate: FlexiblePlate) -> float:
-    """Return the largest side of a cell (m): the table's `mesh_size_m`, or the default."""
-    return default_mesh_size(plate) if plate.mesh_size_m is None else plate.mesh_size_m
-
-
 def default_mesh_size(plate: FlexiblePlate) -> float:
     """Return a fixed fraction of the bending wavelength at `max_frequency_Hz`, at most a quarter of a side (m)."""
     theory = choose_theory(plate)
@@ -299,11 +294,12 @@ def mesh_lines(plate: FlexiblePlate) -> list[np.ndarray]:
     Raises Refused for more than MOST_CELLS cells or MOST_LINES lines, before any memory is taken.
     """
     key = "max_frequency_Hz" if plate.mesh_size_m is None else "mesh_size_m"
-    largest = mesh_size(plate)
+    default = default_mesh_size(plate)
+    largest = default if plate.mesh_size_m is None else plate.mesh_size_m
     if not math.prod(plate.size_m) / largest**2 <= MOST_CELLS:
         allowed = f"must leave a mesh of at most {MOST_CELLS} cells; here a cell is {largest:.3g} m wide"
         raise Refused(key, getattr(plate, key), allowed)
-    scale = largest / default_mesh_size(plate)
+    scale = largest / default
     lines = []
     for axis, side in enumerate(plate.size_m):
         # Curvature jumps at the sides and axes of ribs and about the discs of rods.

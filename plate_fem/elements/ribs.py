@@ -28,7 +28,7 @@ def torsion_constant_m4(rib: Rib, plate_m: float) -> float:
     """Return J of a rectangle with its short side on a plate of a thickness, and of the joint of both (Roark's Formulas
     for Stress and Strain, T section).
 
-    >>> alone = Rib(along="x", at_m=0.0, section_m=(0.01, 0.1))
+    >>> alone = Rib(axis=0, at_m=0.0, section_m=(0.01, 0.1))
     >>> torsion_constant_m4(alone, 1e-3) / (0.1 * 0.01**3 / 3) > 1  # more than the rectangle's
     True
     """

@@ -62,7 +62,8 @@ class Fusion(BaseEstimator):
 
     kind: str = "energy"
     process_to_measurement: float = PROCESS_TO_MEASUREMENT
-    ranges_: dict[str, ResponseRange] = field(init=False, repr=False)
+    low_: Floats = field(init=False, repr=False)
+    high_: Floats = field(init=False, repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -76,16 +77,17 @@ class Fusion(BaseEstimator):
         return np.stack([plate_response(signals, name) for name in self.names])
 
     def fit(self, responses: Floats) -> Fusion:
-        """responses: shape (runs, m, n), of the training runs."""
-        columns = np.moveaxis(np.asarray(responses), 1, 0)
-        self.ranges_ = {n: ResponseRange.of(values, n) for n, values in zip(self.names, columns, strict=True)}
+        """Minima and maxima (m, 1) over all training runs together; responses: shape (runs, m, n). RecognitionError for
+        one that never changes."""
+        self.low_, self.high_ = (end(responses, axis=(0, 2))[:, None] for end in (np.min, np.max))
+        for name, low, high in zip(self.names, self.low_[:, 0], self.high_[:, 0], strict=True):
+            if not low < high:
+                raise RecognitionError(f"{name}: the same value {low:g} in all training runs")
         return self
 
     def normalised(self, responses: Floats) -> Floats:
         """The normalised responses before fusion, shape (..., m, n) as given."""
-        low = np.array([[self.ranges_[name].minimum] for name in self.names])
-        high = np.array([[self.ranges_[name].maximum] for name in self.names])
-        return (responses - low) / (high - low)
+        return (responses - self.low_) / (self.high_ - self.low_)
 
     def transform(self, responses: Floats) -> Floats:
         """The fusion parameter QQ at each sample: shape (..., m, n) to (..., n)."""
@@ -177,19 +179,3 @@ def trend(x: Floats, ratios: Floats) -> Integers:
     """
     rho = np.array([spearmanr(ratios, column).statistic for column in np.asarray(x).T])
     return np.where(rho < 0, -1, 1)
-
-
-@dataclass(frozen=True)
-class ResponseRange:
-    """Eq. 41: each response scaled by its minimum and maximum over all training runs together."""
-
-    minimum: float
-    maximum: float
-
-    @classmethod
-    def of(cls, signals: Floats, name: str = "response") -> ResponseRange:
-        """signals: shape (n_runs, n_samples)."""
-        low, high = float(np.min(signals)), float(np.max(signals))
-        if not low < high:
-            raise RecognitionError(f"{name}: the same value {low:g} in all training runs")
-        return cls(low, high)

@@ -50,7 +50,7 @@ class FusionPipeline(RecordEstimator):
 
     def ratio_of(self, features: Floats) -> float:
         """By responses (m, n). Raises NotRecognised."""
-        return self.strategy.recognise(self.transform(features)).ratio
+        return self.strategy.recognise(self.transform(features))
 
     def summary(self) -> str:
         space = self.strategy.space_

@@ -52,11 +52,8 @@ class FunctionSpace:
 
     def __call__(self, k: Integers, beta: Floats) -> Floats:
         """Value of function number k at beta, elementwise after broadcasting."""
-        p = self.parameters
-        value = p[k, -1]
-        for power in range(p.shape[1] - 2, -1, -1):
-            value = value * beta + p[k, power]
-        return np.broadcast_to(value, np.broadcast_shapes(k.shape, beta.shape))
+        of_k = np.moveaxis(self.parameters[k], -1, 0)
+        return np.asarray(np.polynomial.polynomial.polyval(beta, of_k, tensor=False), float)
 
 
 @dataclass(frozen=True)
@@ -101,25 +98,20 @@ class Rule:
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A ratio, not clipped to [0, 1], and how well it is supported; difference: of QQ, as the judge takes it."""
-
-    ratio: float
-    difference: float
-    usable_share: float
-    moment: int
-
-
-@dataclass(frozen=True)
 class Candidates:
-    """Of one curve, shape (c,) each: the ratios, their difference by the judge, their share of
-    usable points, whether that share is enough, and the moment whose root each is."""
+    """Of one curve, shape (c,) each: the ratios, not clipped to [0, 1], their difference of QQ by the judge, their
+    share of usable points, whether that share is enough, and the moment whose root each is."""
 
     ratio: Floats
     score: Floats
     usable_share: Floats
     allowed: Booleans
     moment: Integers
+
+    @property
+    def best(self) -> int:
+        """Which has the least difference of those that are allowed."""
+        return int(np.argmin(np.where(self.allowed, self.score, np.inf)))
 
 
 @dataclass
@@ -152,18 +144,17 @@ class Strategy(BaseEstimator):
 
     def predict(self, curves: Floats) -> Floats:
         """Mixing ratio of each curve, shape (n,). Raises NotRecognised."""
-        return np.array([self.recognise(curve).ratio for curve in np.atleast_2d(curves)])
+        return np.array([self.recognise(curve) for curve in np.atleast_2d(curves)])
 
-    def recognise(self, curve: Floats) -> Candidate:
-        """Mixing ratio of one curve, shape (K,), with how well it is supported. Raises NotRecognised."""
+    def recognise(self, curve: Floats) -> float:
+        """Mixing ratio of one curve, shape (K,). Raises NotRecognised."""
         found = self.candidates(curve)
         if found.ratio.size == 0:
             raise NotRecognised("no moment has a mixing ratio between -0.05 and 1.05 that explains it")
         if not np.any(found.allowed):
             raise NotRecognised(f"the best of {found.ratio.size} candidates explains {found.usable_share.max():.0%} of "
                                 f"the moments within xi = {self.xi:g}; needs {self.least_share:.0%}")
-        best = int(np.argmin(np.where(found.allowed, found.score, np.inf)))
-        return Candidate(*(getattr(found, name)[best].item() for name in ("ratio", "score", "usable_share", "moment")))
+        return float(found.ratio[found.best])
 
     def candidates(self, curve: Floats) -> Candidates:
         """Every candidate ratio of a curve, shape (K,), held against all other moments."""

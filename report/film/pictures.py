@@ -102,15 +102,15 @@ def read_film(chosen: list[Instant], network: Network) -> Film:
         nothing = np.empty((len(t_s), 0))
         return Film(t_s, centre_m, nothing, nothing, np.empty((0, 2)), np.empty((0, 4), dtype=int))
     deflection_m = np.stack([found["displacement_m"][:, 2] for found in plates])
-    stress_Pa = np.stack([np.ravel(found["von_mises_Pa"]) for found in plates])
+    stress_Pa = np.stack([found["von_mises_Pa"] for found in plates])
     return Film(t_s, centre_m, deflection_m, stress_Pa, plates[0]["points"][:, :2], plates[0]["quads"])
 
 
 def _placed(found: Arrays, network: Network) -> np.ndarray:
     """Centres of all sub-spheres (n, 3), from a picture of those that are there: stone by stone in the order of their
     numbers. In a stone that lost some, the radii tell which are left."""
-    shown = np.ravel(found.get("agglomerate", network.agglomerate))
-    radius_m = np.ravel(found["radius_m"])
+    shown = found["agglomerate"]
+    radius_m = found["radius_m"]
     centre_m = np.full((network.radius_m.size, 3), np.nan, dtype=np.float32)
     if len(shown) != len(radius_m) or shown.max(initial=0) > network.agglomerate.max():
         raise MissingResult(f"the pictures show {len(radius_m)} sub-spheres, the deck {network.radius_m.size}")
@@ -130,15 +130,15 @@ def _placed(found: Arrays, network: Network) -> np.ndarray:
 
 
 def read_arrays(file: Path, names: Collection[str]) -> Arrays:
-    """Return the arrays of these names, as far as the file has them: `points` (n, 3), `quads` (k, 4) as numbers of
-    points, and what is at points, (n,) or (n, 3).
+    """Return the arrays of these names: `points` (n, 3), `quads` (k, 4) as numbers of points, and what is at points,
+    (n,) or (n, 3).
 
-    Raises OSError or ValueError where the file cannot be read.
+    Raises OSError or ValueError where the file cannot be read or lacks one.
     """
     refuse_irregular(file)
     head, mark, data = file.read_bytes().partition(APPENDED)
     if not mark:
-        return _by_meshio(file)
+        raise ValueError(f"{file}: has no appended arrays")
     try:
         return _of_names(ElementTree.fromstring(head + b"</VTKFile>"), data, names)
     except (LookupError, SyntaxError, zlib.error) as error:
@@ -153,6 +153,8 @@ def _of_names(head: ElementTree.Element, data: bytes, names: Collection[str]) ->
             values = np.frombuffer(_unpacked(data, int(array.attrib["offset"])), NUMPY_TYPES[array.attrib["type"]])
             columns = 4 if name == "quads" else int(array.attrib.get("NumberOfComponents", 1))
             found[name] = values if columns == 1 else values.reshape(-1, columns)
+    if missing := set(names) - set(found):
+        raise LookupError(f"no {', '.join(sorted(missing))}")
     return found
 
 
@@ -162,15 +164,3 @@ def _unpacked(data: bytes, at: int) -> bytes:
     count = int(np.frombuffer(data, "<u4", 1, at)[0])
     ends = at + 4 * (3 + count) + np.cumsum([0, *np.frombuffer(data, "<u4", count, at + 12)])
     return b"".join(zlib.decompress(data[begin:end]) for begin, end in zip(ends, ends[1:], strict=False))
-
-
-def _by_meshio(file: Path) -> Arrays:
-    """Of a file of any other form, as runs of 0.1.0 have them."""
-    import meshio  # late: few runs need it
-
-    try:
-        mesh = meshio.read(file)
-    except (SystemExit, LookupError, meshio.ReadError) as error:
-        raise ValueError(f"{file}: {error}") from error
-    quads = [block.data for block in mesh.cells if block.type == "quad"]
-    return {"points": mesh.points, **mesh.point_data, **({"quads": np.vstack(quads)} if quads else {})}

@@ -140,7 +140,7 @@ def worked_example(results: SweepResults) -> Drawn:
         axis.plot(percent, difference, ".", color=PALE, markersize=3, label="not enough usable points")
         axis.plot(percent[allowed], difference[allowed], ".", color=ACCENT, markersize=3, label="candidates")
         if allowed.any():
-            best = int(np.argmin(np.where(allowed, difference, np.inf)))
+            best = found.best
             axis.plot(percent[best], difference[best], "o", color=GANGUE, label=f"answer {percent[best]:.2f} %")
         axis.axvline(true, color="black", linewidth=0.8)
         axis.set_title(name)

@@ -34,18 +34,24 @@ ForceLine = tuple[str, Any, np.ndarray, np.ndarray]
 
 @figure("fig-felt", "What the plate felt", "The whole run.")
 def felt(results: SweepResults) -> Drawn:
-    table, panels = results.runs[0].finest, []
-    for label, column, unit in (("force on the plate, kN", "force_N", 1e-3),
-                                ("acceleration of the plate's centre of mass, m/s²", "a_m_s2", 1.0)):
-        if column in table:
-            t_s, values = envelope(table["t_s"].to_numpy(), table[column].to_numpy(), LATER_POINTS)
-            panels.append((label, t_s, unit * values))
-    figure, axes = canvas(len(panels), height_in=0.5 + 1.7 * len(panels), sharex=True)
-    for axis, (label, t_s, values) in zip(axes[:, 0], panels, strict=True):
-        axis.plot(1e3 * t_s, values, color=ACCENT, linewidth=0.8, label="_" + label)
+    return felt_by_plate(results.runs[0], {}, LATER_POINTS, 1e3)[0]
+
+
+def felt_by_plate(run: Run, more: dict[str, str], points: int, times: float) -> tuple[Figure, np.ndarray]:
+    """Force on the plate, its acceleration where it moves, and `more` columns by their labels, over `times` the time in
+    s. Returns the figure and its axes."""
+    table = run.finest
+    panels = [(label, unit * table[column]) for label, column, unit in (
+        ("force on the plate, kN", "force_N", 1e-3),
+        ("acceleration of the plate's centre of mass, m/s²", "a_m_s2", 1.0),
+        *((label, column, 1.0) for label, column in more.items())) if column in table]
+    figure, axes = canvas(len(panels), height_in=0.6 + 1.6 * len(panels), sharex=True)
+    for axis, (label, values) in zip(axes[:, 0], panels, strict=True):
+        t_s, shown = envelope(table["t_s"].to_numpy(), values.to_numpy(), points)
+        axis.plot(times * t_s, shown, color=ACCENT, linewidth=0.6, label="_" + label)
         axis.set_title(label)
-    axes[-1, 0].set_xlabel("time, ms")
-    return figure
+    axes[-1, 0].set_xlabel("time, ms" if times > 1 else "time, s")
+    return figure, axes
 
 
 @figure("fig-16", "Response of the plate", "Centre of mass of the plate.")

@@ -16,8 +16,8 @@ from analysis.theory.real_plate import (
     modes_of,
     nodal_at,
     particle_forces_N,
-    surface_von_mises_Pa,
 )
+from plate_fem.stress import surface_stress, von_mises
 
 #: Stress counts as high above this share of the highest bending stress in any run.
 HIGH_STRESS_SHARE = 0.8
@@ -56,7 +56,7 @@ class PlateResults:
     def _nodal_stress_Pa(self) -> list[np.ndarray]:
         """Von Mises stress of bending at the top surface, at the nodes of each run's modes."""
         pairs = zip(self.modes, self.amplitudes, strict=True)
-        return [surface_von_mises_Pa(modes, amplitude) for modes, amplitude in pairs]
+        return [von_mises(surface_stress(modes, amplitude)) for modes, amplitude in pairs]
 
     def bending_stress_at_Pa(self, points_m: np.ndarray) -> np.ndarray:
         """Return the von Mises stress of bending at points (k, 2) of the top surface, shape (runs, k).

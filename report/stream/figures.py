@@ -11,9 +11,9 @@ from analysis.sweep.runs import true_ratio
 from common.channels import ACCELEROMETERS
 from common.scene.stones import KINDS
 from report.drawing.figure_spec import Drawn, figure
-from report.drawing.lines import envelope
 from report.drawing.style import ACCENT, COAL, GANGUE, PALE, RATIO_LABEL, canvas, legend_above, material_colour
 from report.missing import MissingResult
+from report.response.figures import felt_by_plate
 from report.stream.results import HEARD_WINDOW_S, StreamResults
 
 POINTS = 2400  # of a curve
@@ -58,24 +58,16 @@ def stop(results: StreamResults) -> Drawn:
 
 @figure("stream-felt", "What the plate felt", "Fast stream. Ticks: first touch of each stone.")
 def felt(results: StreamResults) -> Drawn:
-    table, touched = results.run.finest, results.touched
-    sensors = [name for name in table.columns if name.startswith(ACCELEROMETERS)][:1]
-    panels = [(label, unit, column) for label, unit, column in (
-        ("force on the plate, kN", 1e-3, "force_N"),
-        ("acceleration of the plate's centre of mass, m/s²", 1.0, "a_m_s2"),
-        *((f"acceleration at {name[4:-5]}, m/s²", 1.0, name) for name in sensors)) if column in table.columns]
-    figure, axes = canvas(len(panels), height_in=0.6 + 1.6 * len(panels), sharex=True)
-    for axis, (label, unit, column) in zip(axes[:, 0], panels, strict=True):
-        t_s, values = envelope(table["t_s"].to_numpy(), table[column].to_numpy(), POINTS)
-        axis.plot(t_s, unit * values, color=ACCENT, linewidth=0.5, label="_" + label)
-        axis.set_title(label)
+    touched = results.touched
+    sensors = [name for name in results.run.finest.columns if name.startswith(ACCELEROMETERS)][:1]
+    figure, axes = felt_by_plate(results.run, {f"acceleration at {name[4:-5]}, m/s²": name for name in sensors},
+                                 POINTS, 1.0)
     top = axes[0, 0]
     for kind in KINDS:
         t_s = touched["first_contact_s"][touched["is_gangue"] == (kind == "gangue")].to_numpy()
         top.plot(t_s, np.full(t_s.shape, -0.04 * top.get_ylim()[1]), "|", color=material_colour(kind), markersize=6,
                  label=f"{kind} comes")
     legend_above(top, 0.18, ncols=2)
-    axes[-1, 0].set_xlabel("time, s")
     return figure
 
 

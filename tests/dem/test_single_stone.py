@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from scenes_of_tests import SCENES
 
-from common.scene.scene import read_scene
+from common.scene.scene import changed_scene
 from dem.run.run import run_scene
 
 SINGLE = (SCENES.parent / "tests" / "single.toml").read_text()
@@ -19,7 +19,7 @@ def run_single(directory, gangue_ratio=0.0, replace=("", "")):
     assert replace[0] in SINGLE
     scene = directory.with_suffix(".toml")
     scene.write_text(SINGLE.replace(*replace, 1))
-    return run_scene(read_scene(scene, gangue_ratio), str(scene), directory)
+    return run_scene(changed_scene(scene, {"stones.gangue_ratio": gangue_ratio}), str(scene), directory)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import time
 import pytest
 from scenes_of_tests import SCENES
 
-from common.scene.scene import read_scene
+from common.scene.scene import changed_scene
 from dem.__main__ import main
 from dem.batch.sweep import is_finished, sweep
 
@@ -54,10 +54,10 @@ def test_a_killed_sweep_goes_on_with_what_is_missing(small):
 
 def test_a_changed_scene_is_run_again(small):
     out = small.parent / "runs"
-    assert is_finished(out / "ratio_050", read_scene(small, 0.5))
+    assert is_finished(out / "ratio_050", changed_scene(small, {"stones.gangue_ratio": 0.5}))
     changed = small.with_name("changed.toml")
     changed.write_text(small.read_text().replace("speed_m_s = 3.0", "speed_m_s = 2.0"))
-    assert not is_finished(out / "ratio_050", read_scene(changed, 0.5))
+    assert not is_finished(out / "ratio_050", changed_scene(changed, {"stones.gangue_ratio": 0.5}))
 
 
 def test_a_sweep_changes_keys_of_the_scene(tmp_path, capsys):
@@ -69,12 +69,12 @@ def test_a_sweep_changes_keys_of_the_scene(tmp_path, capsys):
                "stones.agglomerate.contact='sub_spheres'"]
     settings = [word for change in changes for word in ("--set", change)]
     assert main(["sweep", str(scene), "--out", str(out), *settings]) == 0
-    assert "4 ratios, 4 to run" in capsys.readouterr().out
+    assert "4 runs, 4 to run" in capsys.readouterr().out
     assert sorted(p.name for p in out.iterdir() if p.is_dir() and p.name != ".modes") == [
         "ratio_000", "ratio_033", "ratio_067", "ratio_100"]
     found = json.loads((out / "ratio_033" / "run.json").read_text())
     assert found["materials"] == ["coal", "gangue", "coal"] and found["scene"]["stones"]["gangue_order"] == [2, 3, 1]
     assert main(["sweep", str(scene), "--out", str(out), *settings]) == 0
-    assert "4 ratios, 0 to run" in capsys.readouterr().out
+    assert "4 runs, 0 to run" in capsys.readouterr().out
     assert main(["sweep", str(scene), "--out", str(out), "--set", "stones.gangue_ratio=0.5"]) == 2
     assert "every ratio" in capsys.readouterr().err

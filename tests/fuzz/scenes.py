@@ -72,7 +72,7 @@ ALL = VOLLEYS | {
     "edges": small_scene("sphere", "flexible") | {"plate": EDGES},
     "drawn": falling({"count": 4, "drawn": DRAWN | {"arrival_s": 0.0}, "gangue_ratio": 0.5}),
     "stream": falling({"drawn": STREAM, "gangue_ratio": 0.5}),
-    "shapes": falling({"count": 2, "drawn": DRAWN | {"size_m": 0.04, "shapes": ["block", "cube"]}, "gangue_ratio": 0.5}, shapes=SHAPES),
+    "shapes": falling({"count": 2, "drawn": DRAWN | {"size_m": 0.04}, "gangue_ratio": 0.5}, shapes=SHAPES),
     "base": BASED,
 }  # fmt: skip
 ALL["shapes"]["stones"]["agglomerate"] |= {"subspheres": 60}  # fewer cannot have the inertia of their shape

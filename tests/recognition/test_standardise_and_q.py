@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from recognition import FusionQ, NotRecognised, RecognitionError
-from recognition.paper.fusion import MinMaxByTrend, ResponseRange, trend
+from recognition.paper.fusion import Fusion, MinMaxByTrend, trend
 from recognition.paper.q_parameter import fit_polynomial
 
 RATIOS = np.arange(11) / 10
@@ -78,7 +78,7 @@ def test_constant_parameter_and_response_are_refused():
     with pytest.raises(RecognitionError, match="same value"):
         MinMaxByTrend().fit(np.array([[1.0, 2.0], [1.0, 3.0]]), np.array([1, 1]))
     with pytest.raises(RecognitionError, match="total_J"):
-        ResponseRange.of(np.zeros((3, 5)), "total_J")
+        Fusion("energy").fit(np.arange(45.0).reshape(3, 3, 5) * [[1], [1], [0]])
 
 
 def test_no_root_is_said_and_not_clipped():

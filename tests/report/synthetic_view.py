@@ -1,11 +1,11 @@
 """Pictures (view.pvd) for the synthetic runs of tests/analysis: stones that fall, rebound and turn, on a plate that
 swings, all by closed forms."""
 
-import meshio
 import numpy as np
 
 from analysis import read_run
 from analysis.sweep import breakage
+from dem.run.paraview import PARTS, Mesh, VtuWriter, write_pvd
 
 T_S = np.concatenate([np.arange(61) * 2e-5, np.arange(1, 21) * 2e-3])  # dense in the impact, then to 40 ms
 NODES = 13
@@ -44,28 +44,17 @@ def write_view(run_directory):
     network = breakage.read_network(read_run(run_directory))
     node_m, quad = plate_mesh()
     (run_directory / "view").mkdir()
-    rows = []
+    writers, entries = {"particles": VtuWriter(), "plate": VtuWriter()}, []
     for k, t_s in enumerate(T_S):
-        points = centre_m(network, t_s)
-        vertices = np.arange(len(points)).reshape(-1, 1)
-        radius = {"radius_m": network.radius_m.astype(np.float32)}
-        meshio.Mesh(points, [("vertex", vertices)], point_data=radius).write(
-            run_directory / "view" / f"particles_{k:04d}.vtu"
-        )
-        w_m = deflection_m(node_m, t_s)
-        values = {
-            "displacement_m": np.column_stack([np.zeros((len(w_m), 2)), w_m]),
-            "von_mises_Pa": stress_Pa(node_m, t_s),
-        }
-        meshio.Mesh(np.column_stack([node_m, np.zeros(len(node_m))]), [("quad", quad)], point_data=values).write(
-            run_directory / "view" / f"plate_{k:04d}.vtu"
-        )
-        rows += [
-            f'<DataSet timestep="{t_s:.9g}" part="{part}" file="view/{name}_{k:04d}.vtu"/>'
-            for part, name in ((0, "particles"), (2, "plate"))
-        ]
-    text = "\n".join(rows)
-    (run_directory / "view.pvd").write_text(
-        f'<?xml version="1.0"?>\n<VTKFile type="Collection"><Collection>\n{text}\n</Collection></VTKFile>\n'
-    )
+        points, w_m = centre_m(network, t_s), deflection_m(node_m, t_s)
+        meshes = {
+            "particles": Mesh(points, np.arange(len(points)).reshape(-1, 1), {
+                "radius_m": network.radius_m, "agglomerate": network.agglomerate.astype("u2")}),
+            "plate": Mesh(np.column_stack([node_m, np.zeros(len(node_m))]), quad, {
+                "displacement_m": np.column_stack([np.zeros((len(w_m), 2)), w_m]),
+                "von_mises_Pa": stress_Pa(node_m, t_s)})}
+        for name, mesh in meshes.items():
+            writers[name].write(run_directory / "view" / f"{name}_{k:04d}.vtu", mesh)
+            entries.append((t_s, PARTS.index(name), f"view/{name}_{k:04d}.vtu"))
+    write_pvd(run_directory / "view.pvd", entries)
     return network

@@ -311,8 +311,7 @@ def test_a_single_file_is_written_over_its_own_kind_only(tmp_path, capsys, monke
 def test_a_damaged_run_is_replaced_with_overwrite(commands, tmp_path, capsys, monkeypatch, kind, damaged):
     """What would be run is looked at, and the runs are left out."""
     out = tmp_path / kind
-    monkeypatch.setattr("dem.batch.sweep.run_all", lambda works, jobs, lock: [])
-    monkeypatch.setattr("dem.batch.dataset._run_missing", lambda missing, *_: {})
+    monkeypatch.setattr("dem.batch.sweep.run_all", lambda works, *_: [(k, 1, "left out") for k in range(len(works))])
     where = out / ("ratio_000" if kind == "sweep" else "one/000/ratio_000")
     for ratio in ("ratio_000", "ratio_100"):  # of the data set there is one of the two
         directory = where.with_name(ratio)
@@ -321,9 +320,8 @@ def test_a_damaged_run_is_replaced_with_overwrite(commands, tmp_path, capsys, mo
         write_contents(directory, "run", {"run.json": hash_of(directory / "run.json")})
     write_contents(out, kind)
     assert "run.json" in refused(capsys, [*commands[kind], out])
-    assert main([*commands[kind], str(out), "--overwrite"]) == 0
-    to_run = capsys.readouterr().out
-    assert ("2 ratios, 2 to run" if kind == "sweep" else "1 runs, 1 to run") in to_run
+    assert main([*commands[kind], str(out), "--overwrite"]) == 1
+    assert ("2 runs, 2 to run" if kind == "sweep" else "1 runs, 1 to run") in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("left", [".lock", "contents.json.123.part"])
