@@ -130,6 +130,18 @@ def test_another_plate_is_said_within_three_seconds(drawing, names, capsys):
     assert "ratio" not in {one["event"] for one in events}
 
 
+def test_what_is_clipped_above_20_kHz_is_refused_as_it_was_recorded(drawing, plate, names, capsys):
+    """Resampled it is no longer level. From a stone on: by the first second, and later."""
+    here, values, truth = drawing
+    for after in (0, 10):
+        k, most = round((truth["t_s"][after] - 0.01) * RATE_2_Hz), 0.4 * abs(values[1]).max()
+        clipped = np.array(values)
+        clipped[1, k:] = clipped[1, k:].clip(-most, most)
+        code, events, _ = piped(capsys, here, sent(clipped, {"rate_Hz": RATE_2_Hz, "channels": names}))
+        assert code == 3 and events[-1]["event"] == "REFUSED"
+        assert events[-1]["refused"].startswith(f"{plate.sensor_names[1]}: clipped: ")
+
+
 def test_a_stream_that_ends_early_is_held_to_radii_and_speeds_too(drawing, names, capsys):
     here, values, _ = drawing
     content = sent(values[:, :round(0.7 * RATE_2_Hz)], {"rate_Hz": RATE_2_Hz, "channels": names})
