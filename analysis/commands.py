@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from analysis.files.readers import read_record
 from analysis.signals.features import Feature, features_of
+from analysis.signals.records import RecordError
 from common.result import Result
 
 
@@ -37,6 +38,9 @@ def features(file: str, column: str | None = None, rate_Hz: float | None = None,
     if resample_Hz is not None:
         from analysis.signals.resampling import resample  # late: it takes longer than all else
 
-        record = resample(record, resample_Hz, anti_alias=anti_alias)
+        try:
+            record = resample(record, resample_Hz, anti_alias=anti_alias)
+        except RecordError as error:
+            raise RecordError(f"--resample {resample_Hz:g}: {error}") from None
     found, left_out = features_of(record)
     return FeaturesResult(record.name, float(record.rate_Hz), record.values.size, found, left_out or None)

@@ -50,11 +50,11 @@ def test_no_run_at_a_time_or_too_many(tmp_path, command, jobs):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("rate", ["1e12", "1e300", "inf", "nan", "0", "-5"])
+@pytest.mark.parametrize("rate", ["1e7", "1e9", "1e12", "1e300", "inf", "nan", "0", "-5"])
 def test_a_rate_that_no_memory_holds(tmp_path, rate):
     write_run(tmp_path / "ratio_030", 0.3)
     told = ends_with_one_line(analysis.__main__.main, ["features", tmp_path / "ratio_030", "--resample", rate])
-    assert "Hz" in told and f"{float(rate):g}" in told
+    assert told.startswith(f"--resample {float(rate):g}: ") and "at most 1000 times" in told
 
 
 @pytest.mark.parametrize("change, words", [("stones.speed_m_s=1.7e308", ["stones.speed_m_s = 1.7e+308", "1000"]),
