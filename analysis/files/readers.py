@@ -104,8 +104,8 @@ def read_record(
     (in a text table without names, a WAV, FLAC or UFF file). Without it the signal is `a_m_s2` where there is one, else
     the only one.
     time: name of the column of times; without it the one that is called so in one of several languages, in s or in the
-    unit behind its name, in brackets or after "_". rate_Hz: needed where the file has neither a rate nor times, or where
-    rounding makes its times uneven.
+    unit behind its name, in brackets or after "_". rate_Hz: needed where the file has neither a rate nor times, or
+    times that rounding makes uneven.
     scale: factor on the samples, the calibration of a sensor. unit: that of the scaled samples.
     Raises RecordError, one line, if the file cannot be read or leaves the signal or its rate open.
 
