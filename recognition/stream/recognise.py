@@ -79,7 +79,7 @@ class Recognised:
     @property
     def refused(self) -> str:
         """Why no ratio can be trusted, "" if it can."""
-        return self.checks.reason()
+        return self.checks.reason() or ("" if len(self.stones) else "no stone was heard that is not known")
 
 
 def channels_of(table: pd.DataFrame, plate: PlateModel, source: str) -> tuple[Channels, Floats]:

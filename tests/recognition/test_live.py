@@ -109,6 +109,17 @@ def test_live_stones_are_those_of_the_file(drawing, names, capsys):
     assert all(heard_s[t_s] < events.index(last) for t_s in heard_s if t_s < last["t_s"])
 
 
+def test_where_every_stone_is_known_there_is_no_ratio(drawing, names, capsys):
+    here, values, _ = drawing
+    table = pd.DataFrame(values.T.astype(float), columns=names)
+    table.insert(0, "t_s", np.arange(len(table)) / RATE_2_Hz)
+    table.to_parquet(here / "known.parquet")
+    assert main(["listen", str(here / "known.parquet"), "--plate", str(here / "plate.json"), "--law", str(here / "law.json"),
+                 "--radius", "0.025", "0.025", "--speed", "2", "4", "--silence", "0.04", "--out", str(here / "known"),
+                 "--coal-first", "60"]) == 3
+    assert capsys.readouterr().out.endswith("no ratio can be trusted: no stone was heard that is not known\n")
+
+
 def test_a_terminal_shows_the_ratio_over_its_interval():
     event = {"event": "ratio", "t_s": 1.25, "stones": 7, "low": 0.1, "ratio": 0.2, "high": 0.3}
     assert watched(event) == f"     1.2 s .....=====#=====.{'.' * 34}  20% of 7 stones"
