@@ -183,7 +183,7 @@ def tap(scene_file: str, taps: str, out: str, max_frequency_Hz: float = 6000.0, 
     if uff is not None:
         refuse_file(uff, is_own)
     if not 0 < max_frequency_Hz < 1e5:
-        raise RecognitionError(f"--max-frequency {max_frequency_Hz:g}: must lie between 0 and 1e5 Hz")
+        raise RecognitionError(f"--max-frequency {max_frequency_Hz:g}: must be above 0, below 1e5 Hz")
     with told(f"{scene_file}: modes"):
         plate = PlateModel.from_scene(scene_file, BEYOND * max_frequency_Hz)
     given, prior = read_taps(taps, plate)

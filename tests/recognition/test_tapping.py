@@ -112,6 +112,12 @@ def test_command_writes_the_plate(truth, tmp_path, capsys):
     assert "not identified" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("highest_Hz, said", [("40", "no mode of plate and rods lies below it"), ("0", "must be above 0")])
+def test_a_frequency_without_modes_is_refused_in_one_line(tmp_path, capsys, highest_Hz, said):
+    assert main(["tap", str(SCENE), "taps.toml", "--out", str(tmp_path / "p.json"), "--max-frequency", highest_Hz]) == 2
+    assert said in capsys.readouterr().err.splitlines()[-1]
+
+
 def frequency_responses(plate, place, frequency_Hz):
     """Acceleration upwards at each sensor over a force downwards, as the sum of the modes."""
     w, natural = 2 * np.pi * frequency_Hz[:, None], 2 * np.pi * plate.frequency_Hz
