@@ -33,7 +33,7 @@ MOST_LEFT_OUT, MOST_MISSING = 0.05, 0.01  # of the plate's energy above its mode
 def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
     """One line each, which names key, value, limit and the limit's reason. The fastest and the largest stone count,
     whichever they are made of: the ratios of a sweep have one answer."""
-    stones, lines = scene.stones, _unlikely(scene)
+    stones, lines = scene.stones, [*_unlikely(scene), *_too_late(scene, falling)]
     fastest = max(stone.speed_m_s for stone in falling)
     speed = max(float(np.hypot(stone.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * stone.gap_m)))
                 for stone in falling)
@@ -142,6 +142,14 @@ def warnings_of_fragments(scene: Scene, assembly: Assembly) -> list[str]:
     return [f"stones.agglomerate.subspheres = {assembly.sizes[k]}: where stone {k + 1} breaks, fragments are of "
             f"{ratio:.2g} sub-spheres; what breaks depends on their number below {LEAST_RESOLUTION:g}, which takes "
             f"{math.ceil(count / 100) * 100}"]
+
+
+def _too_late(scene: Scene, falling: Sequence[Stone]) -> list[str]:
+    pull, end_s = -scene.gravity_vector_m_s2[2], scene.time.duration_s
+    late = [k for k, one in enumerate(falling, 1) if (one.arrival_s or 2 * one.gap_m / max(
+        -one.velocity_m_s[2] + math.sqrt(one.velocity_m_s[2]**2 + 2 * pull * one.gap_m), 1e-9)) > end_s]
+    return [f"time.duration_s = {end_s:g}: ends before stone {late[0]} touches the plate, one of {len(late)} such; the "
+            "mixing ratio counts them"] if late else []
 
 
 def _unlikely(scene: Scene) -> list[str]:

@@ -260,6 +260,7 @@ def test_a_stone_that_arrives_after_all_time(tmp_path, arrival_s):
                       "density_kg_m3": 7830.0}]}, ["plate.rods.0.youngs_modulus_Pa", "diamond"]),
     ({"materials.coal.bond.tensile_strength_Pa": 200.0}, ["own weight"]),
     ({"materials.coal.density_kg_m3": 1.38}, ["materials.coal.density_kg_m3 = 1.38", "cork"]),  # g/cm^3
+    ({"stones.gap_m": 0.5}, ["time.duration_s = 0.006", "before stone 1 touches"]),
     ({"plate.density_kg_m3": 7.83}, ["plate.density_kg_m3 = 7.83", "cork"]),
     ({"contacts.coal_plate.friction": 5.0}, ["contacts.coal_plate.friction = 5", "rubber"]),
     ({"stones.speed_m_s": 1e3, "stones.radius_m": 1e200}, ["small strains"]),  # no OverflowError
