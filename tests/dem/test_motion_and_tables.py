@@ -53,6 +53,7 @@ def test_motion_is_written_and_said(runs, tmp_path, capsys):
     assert said["max_a_m_s2"] == pytest.approx(abs(table[["a_1_m_s2", "a_2_m_s2"]]).max().tolist(), rel=1e-12)
     assert said["modes_bytes"] == (run / FILE).stat().st_size
     assert main(words) == 2 and "motion.csv: is there" in capsys.readouterr().err
+    assert main(["motion", str(run), "--at", "0", "0"]) == 0 and "without the low pass of" in capsys.readouterr().out
     for wrong, line in ((["--at", "0.26", "0"], "x = 0.26"), (["--at", "0", "0", "--out", str(run / "run.json")], ".csv")):
         assert main(["motion", str(run), *wrong]) == 2
         assert line in capsys.readouterr().err
