@@ -268,7 +268,7 @@ def _record(name: str, values: np.ndarray, unit: str, rate_Hz: float | None, tim
         found = sample_rate_Hz(t_s, f"{name}: {time}")
     except RecordError as error:
         if rate_Hz is None:
-            raise RecordError(f"{error}, or the rate where its times are rounded") from None
+            raise RecordError(f"{error}; where times are rounded, give the sample rate") from None
         if not _agrees(t_s, rate_Hz):
             raise
         found = rate_Hz

@@ -225,5 +225,5 @@ def test_rounded_times_agree_with_the_rate_that_is_told(tmp_path):
     pd.DataFrame({"t_s": np.delete(true_s, 9).round(5), "a_m_s2": samples[1:]}).to_csv(tmp_path / "x.csv", index=False)
     with pytest.raises(RecordError, match="uniform"):
         read_record(tmp_path / "x.csv", rate_Hz=rate_Hz)
-    with pytest.raises(RecordError, match="uniform sample rate, or the rate where its times are rounded"):
+    with pytest.raises(RecordError, match="uniform sample rate; where times are rounded, give the sample rate"):
         read_record(tmp_path / "x.csv")
