@@ -282,8 +282,8 @@ def _agrees(t_s: np.ndarray, rate_Hz: float) -> bool:
         return False
     with np.errstate(over="ignore"):
         t_s, single = t_s.astype(float), t_s.astype(np.float32)
-        digit = next((10.0**-k for k in range(10) if np.allclose(t_s.round(k), t_s, rtol=1e-12, atol=0)), 0.0)
-        rounding = max(digit, float(np.spacing(abs(single).max())) if (single == t_s).all() else 0.0)
+        digit = next((10.0**-k for k in range(10) if np.allclose(t_s.round(k), t_s, rtol=1e-15, atol=0)), 0.0)
+        rounding = max(digit, float(np.spacing(abs(single if (single == t_s).all() else t_s).max())))
     return bool(np.ptp(t_s - np.arange(t_s.size) / rate_Hz) <= rounding * (1 + 1e-6))
 
 
