@@ -8,6 +8,7 @@ import threading
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import resample_poly
 
 from lab.known_truth.machine_noise import noise
 from lab.known_truth.simulated import draw_stones, stream_of
@@ -107,6 +108,19 @@ def test_live_stones_are_those_of_the_file(drawing, names, capsys):
     assert last["low"] <= truth["gangue"][inside].mean() <= last["high"]
     heard_s = {one["t_s"]: k for k, one in enumerate(events) if one["event"] == "stone"}
     assert all(heard_s[t_s] < events.index(last) for t_s in heard_s if t_s < last["t_s"])
+
+
+def test_stones_are_told_in_the_times_of_the_record(drawing, names, capsys):
+    """A clock that is 0.08 % fast is not resampled."""
+    here, values, truth = drawing
+    values = resample_poly(values, 1, 2, axis=1)
+    table = pd.DataFrame(values.T.astype(float), columns=names)
+    table.insert(0, "t_s", 5.0 + np.arange(len(table)) / 20_016.0)
+    table.to_parquet(here / "fast.parquet")
+    assert listened(capsys, here, str(here / "fast.parquet"), "--out", str(here / "fast"))[0] == 0
+    stones = pd.read_parquet(here / "fast" / "stones.parquet")["t_s"] - 5.0
+    off_s = [min(abs(truth["t_s"] * 20_000 / 20_016 - t_s)) for t_s in stones]
+    assert np.median(off_s) < 1e-4
 
 
 def test_where_every_stone_is_known_there_is_no_ratio(drawing, names, capsys):
