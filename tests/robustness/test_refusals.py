@@ -251,6 +251,12 @@ def test_a_stone_that_arrives_after_all_time(tmp_path, arrival_s):
     assert f"stone 1 arrives at {float(arrival_s):g} s" in told and not (tmp_path / "out").exists()
 
 
+def test_a_stone_that_spins_faster_than_anything(tmp_path):
+    each = "stones.each=[{material='coal',radius_m=0.03,place_m=[0.1,0.0],velocity_m_s=3.0,spin_rad_s=[0.0,1e9,0.0]}]"
+    told = ends_with_one_line(main, ["deck", SCENES / "sizes.toml", "--set", each, "--out", tmp_path / "out"])
+    assert "stones.each.0.spin_rad_s" in told and "100000" in told
+
+
 @pytest.mark.parametrize("changes, words", [
     ({"stones.speed_m_s": 1000.0}, ["strains coal", "small strains", "Hertz"]),
     ({"materials.coal.youngs_modulus_Pa": 5e12}, ["materials.coal.youngs_modulus_Pa = 5e+12", "diamond"]),
