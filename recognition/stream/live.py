@@ -83,6 +83,7 @@ def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Kno
     order = [names.index(name) for name in columns]
     factor = np.array([[float(ones[k].iloc[0])] for k in order])
     recorded_Hz = RATE_Hz if abs(source.rate_Hz / RATE_Hz - 1) < RATE_SHARE else round(source.rate_Hz)
+    clock = recorded_Hz / source.rate_Hz
     resampler = Resampler(recorded_Hz, RATE_Hz, len(order), source.name)
     if GLIBC is not None:
         GLIBC.mallopt(*ONE_HEAP)
@@ -93,15 +94,17 @@ def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Kno
         for values in source.blocks():
             values = factor * values[order]
             recorded = values[:len(channels.accelerometers)]
-            _tell(live.hear(resampler.more(values), recorded), watch)
-        _tell(live.hear(resampler.end(), recorded[:, :0], ended=True), watch)
+            _tell(live.hear(resampler.more(values), recorded), watch, clock)
+        _tell(live.hear(resampler.end(), recorded[:, :0], ended=True), watch, clock)
     except NotRecognised as error:
-        return LiveResult(live.count, live.alarms, live.t_s, refused=str(error))
-    return LiveResult(live.count, live.alarms, live.t_s, not_explained=live.reason)
+        return LiveResult(live.count, live.alarms, clock * live.t_s, refused=str(error))
+    return LiveResult(live.count, live.alarms, clock * live.t_s, not_explained=live.reason)
 
 
-def _tell(events: Iterator[dict[str, Any]], watch: bool) -> None:
+def _tell(events: Iterator[dict[str, Any]], watch: bool, clock: float) -> None:
+    """In times of the source, which are `clock` times those at RATE_Hz."""
     for event in events:
+        event["t_s"] *= clock
         if line := watched(event) if watch else json.dumps(plain(event), ensure_ascii=False):
             _log.info(line)
         if event["event"] in ("calibrated", "law") and GLIBC is not None:
