@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from analysis.files.readers import read_record
-from analysis.signals.features import Feature, signal_features
+from analysis.signals.features import Feature, features_of
+from analysis.signals.records import RecordError
 from common.result import Result
-
-MOST_ENERGY = 2.0  # of IMFs over that of the record; what holds more are splines that overshoot where it is quiet
 
 
 @dataclass(frozen=True)
@@ -39,12 +38,9 @@ def features(file: str, column: str | None = None, rate_Hz: float | None = None,
     if resample_Hz is not None:
         from analysis.signals.resampling import resample  # late: it takes longer than all else
 
-        record = resample(record, resample_Hz, anti_alias=anti_alias)
-    found, rate_Hz, samples = signal_features(record), float(record.rate_Hz), record.values.size
-    held = sum(f.value for name, f in found.items() if name.startswith("imf_") and name.endswith("_energy"))
-    left_out, times = None, held * rate_Hz / (samples * found["variance"].value)
-    if times > MOST_ENERGY:
-        left_out = (f"{record.name}: IMFs and their spectrum: they would hold {times:.3g} times the record's energy, "
-                    f"where at most {MOST_ENERGY:g} are allowed; take a part without quiet")
-        found = {name: f for name, f in found.items() if not name.startswith(("imf_", "marginal_"))}
-    return FeaturesResult(record.name, rate_Hz, samples, found, left_out)
+        try:
+            record = resample(record, resample_Hz, anti_alias=anti_alias)
+        except RecordError as error:
+            raise RecordError(f"--resample {resample_Hz:g}: {error}") from None
+    found, left_out = features_of(record)
+    return FeaturesResult(record.name, float(record.rate_Hz), record.values.size, found, left_out or None)

@@ -158,7 +158,7 @@ COMMANDS = {
     "features": Command("analysis.commands:features", "time-frequency parameters of a run or of any record", (
         _arg("file", help="run directory, .parquet, .csv, .wav, .flac, .uff, .mat, .h5, .lvm or .tdms"),
         _arg("--column", help="signal to take (default: a_m_s2, or the only one)"),
-        _arg("--rate", dest="rate_Hz", type=float, metavar="HZ", help="sample rate, where the file has no time column"),
+        _arg("--rate", dest="rate_Hz", type=float, metavar="HZ", help="sample rate, where times are rounded or lack"),
         SCALE, UNIT,
         _arg("--time", metavar="COLUMN", help="column of times (default: the one that is called so)"),
         _arg("--resample", dest="resample_Hz", type=float, metavar="HZ", help="sample rate to go to first"),

@@ -73,12 +73,14 @@ class MotionResult(Result):
         yield f"{'x, m':>9} {'y, m':>9} {'max u, m':>11} {'max v, m/s':>11} {'max a, m/s2':>11}"
         for (x_m, y_m), *largest in zip(self.at_m, self.max_u_m, self.max_v_m_s, self.max_a_m_s2, strict=True):
             yield f"{x_m:9.6g} {y_m:9.6g} " + " ".join(f"{value:11.6g}" for value in largest)
-        yield f"from {self.modes_bytes / 1e3:.0f} kB of modes" + (f", written to {self.table}" if self.table else "")
+        yield (f"from {self.modes_bytes / 1e3:.0f} kB of modes, without the low pass of signals.parquet"
+               + (f", written to {self.table}" if self.table else ""))
 
 
 def motion(directory: Path, at_m: Sequence[Sequence[float]], out: Path | None = None) -> MotionResult:
-    """The vertical motion, upwards, of points of the plate of a run, at its samples; over time in `out` (.csv or
-    .xlsx): `t_s`, and for each point from 1 `u_1_m`, `v_1_m_s`, `a_1_m_s2`. Raises InputError."""
+    """The vertical motion, upwards, of points of the plate of a run, at its samples and without any filter, so that
+    vibration above half their rate folds back; over time in `out` (.csv or .xlsx): `t_s`, and for each point from 1
+    `u_1_m`, `v_1_m_s`, `a_1_m_s2`. Raises InputError."""
     from plate_fem.motion import FILE, RecordedMotion
 
     if out is not None:

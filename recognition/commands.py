@@ -88,7 +88,8 @@ class RecogniseResult(Result):
             yield f"mixing ratio {self.methods[self.best].text}, by {self.best}"
         yield from self.warnings
         for name, answer in self.methods.items():
-            yield f"{name:<26} {answer.reason or f'{100 * answer.ratio:.2f} %'}"
+            unlike = answer.out_of_distribution and f"out of distribution: {answer.out_of_distribution}"
+            yield f"{name:<26} {answer.reason or unlike or f'{100 * answer.ratio:.2f} %'}"
 
 
 def recognise(record: str, model: str, plate: str | None = None, resample: bool = False, scale: float = 1.0,

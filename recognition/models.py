@@ -34,6 +34,7 @@ from recognition.estimation.window import LEAST_RATIOS, Window
 from recognition.methods import METHODS
 from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.plate.plate_model import PlateModel
+from recognition.regression.feature_regression import FeatureRegression
 from recognition.sensors.channel_check import channel_faults, samples_before_impact
 
 T = TypeVar("T")
@@ -118,8 +119,8 @@ NOT_APPLICABLE = "not applicable"
 class Model:
     """Methods fitted to the same runs at the same sample times.
 
-    provenance: origin of the runs, conditions that varied, and the number of draws in `groups`; left_out: methods that
-    the runs do not allow, and why.
+    provenance: origin of the runs, their accelerometers, conditions that varied, and the number of draws in `groups`;
+    left_out: methods that the runs do not allow, and why.
 
     >>> runs = read_sweep("runs/paper").runs
     >>> answer = Model.fit(runs[::2]).recognise(runs[3].signals)["energy_fusion_modified"]
@@ -148,11 +149,18 @@ class Model:
         Raises RecordError for an unusable record, RecognitionError where no method applies.
         """
         table = self.window.cut(from_impact(signals), source)
-        answers = self.answers_to(lambda name: self.methods[name].prepare(table))
+        answers = self.answers_to(lambda name: self._features(name, table))
         if all(answer.reason.startswith(NOT_APPLICABLE) for answer in answers.values()):
             reasons = dict.fromkeys(answer.reason for answer in answers.values())
             raise RecognitionError(f"{source}: {'; '.join(reasons)}")
         return answers
+
+    def _features(self, name: str, table: pd.DataFrame) -> Any:
+        """What a method takes of a record. RecognitionError where it pools sensors and these are not the training's."""
+        here, known = sorted(_accelerations(table)[0]), self.provenance.get("accelerometers")
+        if known is not None and here and here != known and isinstance(self.methods[name], FeatureRegression):
+            raise RecognitionError(f"accelerometers {', '.join(here)}; the training has {', '.join(map(str, known))}")
+        return self.methods[name].prepare(table)
 
     def at_impact(self) -> Model:
         """The same for records that begin as those of the simulation do: no method seeks the moment of the impact."""
@@ -228,8 +236,9 @@ class Model:
             if not methods:
                 raise ValueError("no method")
             provenance = data["provenance"]
-            if not isinstance(provenance, dict) or not isinstance(provenance.get("groups"), int):
-                raise TypeError("provenance must say from how many groups of runs")
+            if not isinstance(provenance, dict) or not isinstance(provenance.get("groups"), int) or not isinstance(
+                    provenance.get("accelerometers", []), list):
+                raise TypeError("provenance must say from how many groups of runs, and list accelerometers")
             return cls(decode(data["window"], Window), methods, provenance)
         except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
             raise RecognitionError(f"{path}: broken model ({type(error).__name__}: {error})") from None
@@ -307,6 +316,7 @@ class PreparedRuns:
         if not methods:
             raise RecognitionError("; ".join(dict.fromkeys(left_out.values())))
         provenance = {"runs": [_origin(run) for run in runs], "conditions": varied,
+                      "accelerometers": sorted(_accelerations(runs[0].signals)[0]),
                       "groups": 1 if groups is None else int(np.unique(np.asarray(groups)).size)}
         return Model(self.window, methods, provenance, left_out)
 

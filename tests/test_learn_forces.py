@@ -13,7 +13,7 @@ LIMITS = ["--radius", "0.02", "0.03", "--speed", "2", "4"]
 
 @pytest.mark.parametrize(("options", "said"), [
     (["--stones", "3"], "--stones 3: must be from 16 to 10000"),
-    (["--radius", "0.03", "0.02"], "the lower first"),
+    (["--radius", "0.03", "0.02"], "lower first"),
     (["--out", "law.txt"], "must end in .json"),
     (["--out", "mine.json"], "mine.json"),
 ])

@@ -104,7 +104,8 @@ def read_record(
     (in a text table without names, a WAV, FLAC or UFF file). Without it the signal is `a_m_s2` where there is one, else
     the only one.
     time: name of the column of times; without it the one that is called so in one of several languages, in s or in the
-    unit behind its name, in brackets or after "_". rate_Hz: needed where the file has neither a rate nor times.
+    unit behind its name, in brackets or after "_". rate_Hz: needed where the file has neither a rate nor times, or
+    times that rounding makes uneven.
     scale: factor on the samples, the calibration of a sensor. unit: that of the scaled samples.
     Raises RecordError, one line, if the file cannot be read or leaves the signal or its rate open.
 
@@ -257,15 +258,33 @@ def _from_arrays(arrays: Arrays, source: str, column: str | None, time: str | No
 
 def _record(name: str, values: np.ndarray, unit: str, rate_Hz: float | None, time: str | None,
             t_s: np.ndarray | None) -> Record:
-    """A record with the rate of its times, or with `rate_Hz` where it has none."""
+    """A record with the rate of its times, or with `rate_Hz` where it has none, or where rounding makes them uneven."""
     if t_s is None:
         if rate_Hz is None:
             raise RecordError(f"{name}: no times ({', '.join(TIME_COLUMNS)}); give the sample rate, or the name of the "
                               "column of times")
         return Record(values, rate_Hz, unit, name)
-    found = sample_rate_Hz(t_s, f"{name}: {time}")
+    try:
+        found = sample_rate_Hz(t_s, f"{name}: {time}")
+    except RecordError as error:
+        if rate_Hz is None:
+            raise RecordError(f"{error}; where times are rounded, give the sample rate") from None
+        if not _agrees(t_s, rate_Hz):
+            raise
+        found = rate_Hz
     _check_rate(name, rate_Hz, found, f"its column {time}")
     return Record(values, found, unit, name, float(t_s[0]))
+
+
+def _agrees(t_s: np.ndarray, rate_Hz: float) -> bool:
+    """Whether times are those of a rate, all rounded to as many digits as they have, or to single precision."""
+    if not (np.isfinite(t_s).all() and rate_Hz > 0):
+        return False
+    with np.errstate(over="ignore"):
+        t_s, single = t_s.astype(float), t_s.astype(np.float32)
+        digit = next((10.0**-k for k in range(10) if np.allclose(t_s.round(k), t_s, rtol=1e-15, atol=0)), 0.0)
+        rounding = max(digit, float(np.spacing(abs(single if (single == t_s).all() else t_s).max())))
+    return bool(np.ptp(t_s - np.arange(t_s.size) / rate_Hz) <= rounding * (1 + 1e-6))
 
 
 def _check_rate(name: str, given_Hz: float | None, found_Hz: float, where: str) -> None:

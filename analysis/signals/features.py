@@ -5,6 +5,7 @@ FEATURES lists them all. x_1 ... x_N are the samples of one record; mean() is ov
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 WINDOWS = (0.0, 0.025, 0.125, 0.375, 1.0)
 BANDS = (0.0, 0.1, 0.25, 0.5, 1.0)
 FRAME, LEVELS = 512, 32  # of `band_levels`
+MOST_ENERGY = 2.0  # of IMFs over that of the record; what holds more are splines that overshoot where it is quiet
 
 
 def square_root_amplitude(x: np.ndarray) -> float:
@@ -195,21 +197,25 @@ def time_features(record: Record) -> list[Feature]:
             for name, formula in FEATURES.items() if formula.takes == "samples"]
 
 
-def time_frequency_features(record: Record) -> list[Feature]:
-    """Return the energies of the IMFs, their shares, and the energy of the Hilbert marginal spectrum.
+def time_frequency_features(record: Record) -> tuple[list[Feature], str]:
+    """Return the energies of the IMFs, their shares, and the energy of the Hilbert marginal spectrum; none of them, but
+    why, where IMFs hold above MOST_ENERGY times the record's energy.
 
     Energies are integrals of x^2 over time, in unit^2 s. The decomposition is that of `analysis.decompose` with its
     default stopping rule.
     """
     from analysis.signals.emd import decompose
 
-    imfs, found = decompose(record), []
+    imfs, found = decompose(record), list[Feature]()
+    if (times := imfs.energies.sum() * record.rate_Hz / (record.values.size * variance(record.values))) > MOST_ENERGY:
+        return [], (f"{record.name}: IMFs and their spectrum: they would hold {times:.3g} times the record's energy, "
+                    f"where at most {MOST_ENERGY:g} are allowed; take a part without quiet")
     for name, formula in FEATURES.items():
         if formula.takes == "imfs":
             unit = f"{power_of_unit(record.unit, formula.power)} s" if formula.power else "1"
             values = np.atleast_1d(formula.function(imfs))
             found += [Feature(name.format(k), float(value), unit) for k, value in enumerate(values, 1)]
-    return found
+    return found, ""
 
 
 def sensor_features(name: str, signals: np.ndarray) -> np.ndarray:
@@ -223,31 +229,44 @@ def sensor_features(name: str, signals: np.ndarray) -> np.ndarray:
     raise RecordError(f"{name} of a sensor is no number: the samples are silent, too large or too small for it")
 
 
+def features_of(record: Record) -> tuple[dict[str, Feature], str]:
+    """Return all parameters of Figure 23 by name, in a fixed order, and why those of IMFs are not among them, "" if
+    they are. Raises as `signal_features`."""
+    try:
+        with np.errstate(all="ignore"):  # what is no number is refused below
+            of_imfs, left_out = time_frequency_features(record)
+            found = {f.name: f for f in [*time_features(record), *of_imfs]}
+    except ZeroDivisionError:
+        raise RecordError(f"{record.name}: has a mean of zero; the samples are too small") from None
+    for f in found.values():
+        if not np.isfinite(f.value):
+            raise RecordError(f"{record.name}: {f.name} is {f.value}; the samples are too large or too small for it")
+    return found, left_out
+
+
 def signal_features(record: Record) -> dict[str, Feature]:
-    """Return all parameters of Figure 23 by name, in a fixed order.
+    """Return all parameters of Figure 23 by name, in a fixed order; those of IMFs that overshoot are left out, and a
+    warning says so.
 
     Raises RecordError for a record of constant value, or samples too large or too small for a parameter.
 
     >>> signal_features(Record([1.0, -1.0] * 50, rate_Hz=100.0))["waveform_index"].value
     1.0
     """
-    try:
-        with np.errstate(all="ignore"):  # what is no number is refused below
-            found = {f.name: f for f in [*time_features(record), *time_frequency_features(record)]}
-    except ZeroDivisionError:
-        raise RecordError(f"{record.name}: has a mean of zero; the samples are too small") from None
-    for f in found.values():
-        if not np.isfinite(f.value):
-            raise RecordError(f"{record.name}: {f.name} is {f.value}; the samples are too large or too small for it")
+    found, left_out = features_of(record)
+    if left_out:
+        warnings.warn(f"left out: {left_out}", stacklevel=2)
     return found
 
 
 def base_parameters(record: Record) -> np.ndarray:
-    """Return the eight parameters of Q (Eq. 40) in the order of BASE_PARAMETERS. Raises as `signal_features`.
+    """Return the eight parameters of Q (Eq. 40) in the order of BASE_PARAMETERS. Raises as `signal_features`, and
+    RecordError where IMFs overshoot.
 
     >>> base_parameters(read_run("runs/paper/ratio_030").record("a_m_s2")).shape
     (8,)
     """
-    found = signal_features(record)
+    found, left_out = features_of(record)
+    if left_out:
+        raise RecordError(left_out)
     return np.array([found[name].value for name in BASE_PARAMETERS])
-

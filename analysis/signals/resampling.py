@@ -31,13 +31,15 @@ def resample(record: Record, rate_Hz: float, *, anti_alias: bool = True) -> Reco
 
     With `anti_alias` a low pass of linear phase and no delay (scipy's polyphase filter) comes before the samples are
     taken, which needs rates in a ratio of whole numbers up to MAX_FACTOR. Without it every k-th sample is kept, or what
-    lies between samples is taken. Raises RecordError for other ratios, and for more than MAX_SAMPLES samples.
+    lies between samples is taken. Raises RecordError for other ratios, more than MAX_FACTOR times the rate, and more
+    than MAX_SAMPLES samples.
 
     >>> resample(Record(np.ones(300), rate_Hz=51_200.0), 20_000.0).values.size
     118
     """
-    if not (np.isfinite(rate_Hz) and rate_Hz > 0):
-        raise RecordError(f"{record.name}: a rate of {rate_Hz} Hz; must be finite and > 0")
+    if not 0 < rate_Hz <= MAX_FACTOR * record.rate_Hz:
+        raise RecordError(f"{record.name}: a rate of {rate_Hz:.6g} Hz; must be above 0, and at most {MAX_FACTOR} times "
+                          f"that of the record, {record.rate_Hz:.6g} Hz")
     samples = record.values.size * rate_Hz / record.rate_Hz
     if samples > MAX_SAMPLES:
         raise RecordError(f"{record.name}: {rate_Hz:.6g} Hz gives {samples:.3g} samples; at most {MAX_SAMPLES:.0e}")

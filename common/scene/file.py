@@ -60,8 +60,7 @@ def _make_way(under: Any, over: Any) -> None:
         return
     if any(way in over and way not in under for way in WAYS):
         for key in ("count", *ONLY_VOLLEY, *WAYS, *(["gangue_ratio"] if "each" in over else [])):
-            if key not in over:
-                under.pop(key, None)
+            under.pop(key, None)
 
 
 def _found(path: Path, name: str, shipped: str) -> Path:

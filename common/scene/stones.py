@@ -22,7 +22,7 @@ By = Literal["mass", "number"]
 SPHERE = "sphere"
 MOST_STONES = 10_000
 LARGEST_SIZE_m = 10.0
-FASTEST_m_s = 1e3
+FASTEST_m_s, MOST_SPIN_rad_s = 1e3, 1e5
 Speed = Annotated[float, Field(ge=0, le=FASTEST_m_s)]
 Pair = Annotated[tuple[float, float], BeforeValidator(lambda pair: tuple(pair) if isinstance(pair, list) else pair)]
 VOLLEY = ("count", "radius_m", "speed_m_s", "positions_m", "gangue_ratio")
@@ -66,6 +66,9 @@ class EachStone(Table):
             raise Refused("velocity_m_s", velocity, "must not go upwards, its third value must be at most 0")
         if max(map(abs, velocity)) > FASTEST_m_s:
             raise Refused("velocity_m_s", velocity, f"each value must be from -{FASTEST_m_s:g} to {FASTEST_m_s:g}")
+        if max(map(abs, self.spin_rad_s)) > MOST_SPIN_rad_s:
+            raise Refused("spin_rad_s", self.spin_rad_s, f"each value must be from -{MOST_SPIN_rad_s:g} to "
+                          f"{MOST_SPIN_rad_s:g}")
         if self.attitude is not None and abs(sum(q * q for q in self.attitude) - 1) > 1e-6:
             raise Refused("attitude", self.attitude, "must be a unit quaternion, its squares add up to 1")
         return self
@@ -96,7 +99,7 @@ class DrawnTable(Table):
         refuse_outside("size_m", self.size_m, 1e-6, LARGEST_SIZE_m, f"must be from 1e-6 to {LARGEST_SIZE_m:g}")
         refuse_outside("speed_m_s", self.speed_m_s, 0, FASTEST_m_s, f"must be from 0 to {FASTEST_m_s:g}")
         refuse_outside("drop_height_m", self.drop_height_m, 0, 1e4, "must be from 0 to 10000")
-        refuse_outside("spin_rad_s", self.spin_rad_s, 0, 1e5, "must be from 0 to 100000")
+        refuse_outside("spin_rad_s", self.spin_rad_s, 0, MOST_SPIN_rad_s, f"must be from 0 to {MOST_SPIN_rad_s:g}")
         refuse_outside("arrival_s", self.arrival_s, 0, 1e6, "must be from 0 to 1e6")
         if self.footprint_m is not None and any(end < begin for begin, end in self.footprint_m):
             raise Refused("footprint_m", self.footprint_m, "each pair must ascend")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from plate_fem.elements import mesh, system
 from plate_fem.elements.rods import joint_range
 
 GRAVITY_m_s2 = 9.81
-DIAMOND_Pa = 1.22e12
+DIAMOND_Pa, CORK_kg_m3, RUBBER = 1.22e12, 120.0, 2.0
 LEAST_RESOLUTION = 2.3  # fragment size over sub-sphere: down to it, areas are within 10 % of those of finer stones
 CRITICAL_SPEED = 0.84  # the laboratory's case `critical_speed`
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
@@ -32,7 +33,7 @@ MOST_LEFT_OUT, MOST_MISSING = 0.05, 0.01  # of the plate's energy above its mode
 def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
     """One line each, which names key, value, limit and the limit's reason. The fastest and the largest stone count,
     whichever they are made of: the ratios of a sweep have one answer."""
-    stones, lines = scene.stones, _stiffer_than_diamond(scene)
+    stones, lines = scene.stones, [*_unlikely(scene), *_too_late(scene, falling)]
     fastest = max(stone.speed_m_s for stone in falling)
     speed = max(float(np.hypot(stone.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * stone.gap_m)))
                 for stone in falling)
@@ -143,13 +144,28 @@ def warnings_of_fragments(scene: Scene, assembly: Assembly) -> list[str]:
             f"{math.ceil(count / 100) * 100}"]
 
 
-def _stiffer_than_diamond(scene: Scene) -> list[str]:
-    moduli_Pa = {"plate": scene.plate.youngs_modulus_Pa}
+def _too_late(scene: Scene, falling: Sequence[Stone]) -> list[str]:
+    pull, end_s = -scene.gravity_vector_m_s2[2], scene.time.duration_s
+    late = [k for k, one in enumerate(falling, 1) if (one.arrival_s or 2 * one.gap_m / max(
+        -one.velocity_m_s[2] + math.sqrt(one.velocity_m_s[2]**2 + 2 * pull * one.gap_m), 1e-9)) > end_s]
+    return [f"time.duration_s = {end_s:g}: ends before stone {late[0]} touches the plate, one of {len(late)} such; the "
+            "mixing ratio counts them"] if late else []
+
+
+def _unlikely(scene: Scene) -> list[str]:
+    """Of stiffness, density and friction that no solid of such scenes has."""
+    solids: dict[str, Any] = {"plate": scene.plate}
     if isinstance(scene.plate, FlexiblePlate):
-        moduli_Pa |= {f"plate.rods.{number}": rod.youngs_modulus_Pa for number, rod in enumerate(scene.plate.rods)}
-    for name in scene.falling_materials:
-        moduli_Pa[f"materials.{name}"] = scene.materials[name].youngs_modulus_Pa
-        if scene.stones.agglomerate is not None:
-            moduli_Pa[f"materials.{name}.bond"] = scene.bond_of(name).youngs_modulus_Pa
-    return [f"{table}.youngs_modulus_Pa = {modulus_Pa:g}: above {DIAMOND_Pa:g}, that of diamond, the stiffest material"
-            for table, modulus_Pa in moduli_Pa.items() if modulus_Pa > DIAMOND_Pa]
+        solids |= {f"plate.rods.{number}": rod for number, rod in enumerate(scene.plate.rods)}
+    solids |= {f"materials.{name}": scene.materials[name] for name in scene.falling_materials}
+    moduli_Pa = {table: one.youngs_modulus_Pa for table, one in solids.items()}
+    if scene.stones.agglomerate is not None:
+        moduli_Pa |= {f"materials.{name}.bond": scene.bond_of(name).youngs_modulus_Pa
+                      for name in scene.falling_materials}
+    return [
+        *(f"{table}.youngs_modulus_Pa = {modulus_Pa:g}: above {DIAMOND_Pa:g}, that of diamond, the stiffest material"
+          for table, modulus_Pa in moduli_Pa.items() if modulus_Pa > DIAMOND_Pa),
+        *(f"{table}.density_kg_m3 = {one.density_kg_m3:g}: below {CORK_kg_m3:g}, that of cork"
+          for table, one in solids.items() if one.density_kg_m3 < CORK_kg_m3),
+        *(f"contacts.{pair}.friction = {one.friction:g}: above {RUBBER:g}, that of rubber on rough ground"
+          for pair, one in scene.contacts.items() if one.friction > RUBBER)]

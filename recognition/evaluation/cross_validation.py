@@ -168,7 +168,11 @@ def table(results: list[Result]) -> pd.DataFrame:
 
 
 def write_evaluation(data: DataSet, directory: str | Path, methods: Registry) -> Path:
-    """Evaluate methods on a data set; writes evaluation.csv into a directory and returns its path."""
-    file = Path(directory) / "evaluation.csv"
+    """Evaluate methods on a data set; writes evaluation.csv into a directory and returns its path. Raises
+    RecognitionError where it has no run of any case."""
+    file, known = Path(directory) / "evaluation.csv", dict.fromkeys(name for case in CASES for name in case.families)
+    if not data.of(*known).size:
+        raise RecognitionError(f"{directory}: families {', '.join(data.table['family'].unique())}; needs one of "
+                               f"{', '.join(known)}")
     write_text(file, stamped(table(evaluate(data, methods)).to_csv(index=False, float_format="%.4g"), "# {}"))
     return file

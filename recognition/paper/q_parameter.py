@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 import pandas as pd
 
-from analysis import as_record, base_parameters
+from analysis import RecordError, as_record, base_parameters
 from analysis.signals.records import sample_rate_Hz
 from analysis.sweep.runs import Run
 from recognition.estimation.arrays import Floats, Integers
@@ -47,12 +47,17 @@ class FusionQ(RecordEstimator):
     fit_: PolynomialFit = field(init=False, repr=False)
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
-        """The eight base parameters of `a_m_s2` in a record and in its `noisy_copies`, shape (copies, 8)."""
+        """The eight base parameters of `a_m_s2` in a record and in its `noisy_copies`, shape (copies, 8). Raises
+        RecognitionError where one of them has none."""
         if "a_m_s2" not in signals.columns:
             raise RecognitionError("no column 'a_m_s2' in the record; needs it for Q")
         rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), "t_s")
         every = [one["a_m_s2"].to_numpy(dtype=float) for one in noisy_copies(signals[["t_s", "a_m_s2"]])]
-        return np.stack([base_parameters(as_record(one, rate_Hz, unit="m/s^2", name="a_m_s2")) for one in every])
+        records = [as_record(one, rate_Hz, unit="m/s^2", name="a_m_s2") for one in every]
+        try:
+            return np.stack([base_parameters(record) for record in records])
+        except RecordError as reason:
+            raise RecognitionError(str(reason)) from None
 
     def learn(self, features: Floats, ratios: Floats) -> Self:
         """Scale with its directions (Eq. 39), and Q(beta), from parameters (n, p)."""

@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from common.files.cache import user_cache
 from common.files.whole import read_sealed_json, write_sealed_json
 from common.scene.plate import FlexiblePlate, read_plate
-from common.tables import InputError
+from common.tables import InputError, refused_in
 from plate_fem.elements.mesh import bending_wavenumber, choose_theory
 from plate_fem.modes import plate_modes
 from recognition.estimation.arrays import Floats
@@ -86,7 +86,7 @@ class PlateModel:
         """The plate of a scene file, or a `[plate]` table, by finite elements.
 
         The standard deviations hold for every mode; with zero the plate is believed to be as the scene says.
-        Raises InputError for a scene that cannot be read, RecognitionError for a plate without modes or sensors.
+        Raises InputError for a scene that cannot be read or has no modes, RecognitionError for a plate without sensors.
         """
         plate = scene if isinstance(scene, FlexiblePlate) else read_plate(scene)
         if not isinstance(plate, FlexiblePlate):
@@ -94,10 +94,9 @@ class PlateModel:
         if not (sensors := plate.accelerometers):
             raise RecognitionError("plate.sensors has no accelerometer; needs at least one")
         plate = plate.model_copy(update={"max_frequency_Hz": float(max_frequency_Hz)})
-        modes = plate_modes(plate, user_cache())
+        with refused_in("scene" if isinstance(scene, FlexiblePlate) else scene, "plate"):
+            modes = plate_modes(plate, user_cache())
         m = len(modes.frequency_Hz)
-        if m == 0:
-            raise RecognitionError(f"no mode below {max_frequency_Hz:g} Hz")
         wavenumber = bending_wavenumber(plate, max_frequency_Hz, choose_theory(plate))
         lines_x, lines_y = (_lines(side, wavenumber) for side in plate.size_m)
         sensor_m = np.array([[sensor.x_m, sensor.y_m] for sensor in sensors])

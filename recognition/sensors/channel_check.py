@@ -96,11 +96,14 @@ def _dead_or_clipped(signals: Floats, i: int) -> str:
     rms = x.std()
     if rms == 0 or len(others) and rms < DEAD_SHARE * np.median(others.std(axis=1)):
         return "dead: it hardly moves"
-    for end in (x.max(), x.min()):
-        runs = np.diff(np.flatnonzero(np.concatenate([[True], x != end, [True]]))) - 1
-        if runs.max() >= CLIPPED_RUN or runs.sum() >= CLIPPED_COUNT:
-            return f"clipped: {runs.sum()} samples at {end:.4g} m/s^2"
-    return ""
+    return clipped(x, x.max()) or clipped(x, x.min())
+
+
+def clipped(x: Floats, end: float, unit: str = "m/s^2") -> str:
+    """Why samples x (n,) are taken to be cut off at their largest or least value, "" if they are not."""
+    runs = np.diff(np.flatnonzero(np.concatenate([[True], x != end, [True]]))) - 1
+    cut = runs.max() >= CLIPPED_RUN or runs.sum() >= CLIPPED_COUNT
+    return f"clipped: {runs.sum()} samples at {end:.4g} {unit}" if cut else ""
 
 
 def _onset(signals: Floats) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -135,11 +135,13 @@ def _of_record(record: str, out: Path, tapped: PlateModel, prior: StonePrior, kn
     if values.shape[1] / RATE_Hz > MOST_RATIOS * window.step_s:
         raise RecognitionError(f"--step {window.step_s:g}: leads to more than {MOST_RATIOS} ratios; must be longer")
     found = recognise_stream(tapped, channels, prior, values, quiet_s, known, stop)
-    begin_s = float(table["t_s"].iloc[0])
+    begin_s, end_s, taken_s = *map(float, table["t_s"].iloc[[0, -1]]), (values.shape[1] - 1) / RATE_Hz
+    clock = (end_s - begin_s) / taken_s if len(table) == values.shape[1] else 1.0  # of a record that is not resampled
+    found = replace(found, stones=found.stones.assign(t_s=clock * found.stones["t_s"]))
     files = out / "stones.parquet", out / "ratio.parquet"
     with at_work_in(out, KIND):
         _write(found.stones.assign(t_s=found.stones["t_s"] + begin_s), files[0])
-        ratio = sliding_ratio(found.stones, window.window_s, window.step_s, values.shape[1] / RATE_Hz)
+        ratio = sliding_ratio(found.stones, window.window_s, window.step_s, clock * values.shape[1] / RATE_Hz)
         ratio["t_s"] += begin_s
         if found.refused:
             ratio.iloc[:, 2:] = np.nan

@@ -82,24 +82,29 @@ def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Kno
     channels, columns = sensors_of(names, source.rate_Hz, plate, source.name)
     order = [names.index(name) for name in columns]
     factor = np.array([[float(ones[k].iloc[0])] for k in order])
-    same = abs(source.rate_Hz / RATE_Hz - 1) < RATE_SHARE
-    resampler = Resampler(RATE_Hz if same else round(source.rate_Hz), RATE_Hz, len(order), source.name)
+    recorded_Hz = RATE_Hz if abs(source.rate_Hz / RATE_Hz - 1) < RATE_SHARE else round(source.rate_Hz)
+    clock = recorded_Hz / source.rate_Hz
+    resampler = Resampler(recorded_Hz, RATE_Hz, len(order), source.name)
     if GLIBC is not None:
         GLIBC.mallopt(*ONE_HEAP)
-    live = Live(Ear(plate, channels, prior, quiet_s), prior, known, stop, window)
+    live = Live(Ear(plate, channels, prior, quiet_s, recorded_Hz), prior, known, stop, window)
     if not live.ear.tapped:
         raise RecognitionError("--plate: no mode was tapped; what comes live needs a plate of `tap`")
     try:
         for values in source.blocks():
-            _tell(live.hear(resampler.more(factor * values[order])), watch)
-        _tell(live.hear(resampler.end(), ended=True), watch)
+            values = factor * values[order]
+            recorded = values[:len(channels.accelerometers)]
+            _tell(live.hear(resampler.more(values), recorded), watch, clock)
+        _tell(live.hear(resampler.end(), recorded[:, :0], ended=True), watch, clock)
     except NotRecognised as error:
-        return LiveResult(live.count, live.alarms, live.t_s, refused=str(error))
-    return LiveResult(live.count, live.alarms, live.t_s, not_explained=live.reason)
+        return LiveResult(live.count, live.alarms, clock * live.t_s, refused=str(error))
+    return LiveResult(live.count, live.alarms, clock * live.t_s, not_explained=live.reason)
 
 
-def _tell(events: Iterator[dict[str, Any]], watch: bool) -> None:
+def _tell(events: Iterator[dict[str, Any]], watch: bool, clock: float) -> None:
+    """In times of the source, which are `clock` times those at RATE_Hz."""
     for event in events:
+        event["t_s"] *= clock
         if line := watched(event) if watch else json.dumps(plain(event), ensure_ascii=False):
             _log.info(line)
         if event["event"] in ("calibrated", "law") and GLIBC is not None:
@@ -139,10 +144,10 @@ class Live:
         """Until when all stones are known."""
         return (self.ear.listener.at - LEAD) / RATE_Hz if self.ear.listens else 0.0
 
-    def hear(self, values: Floats, ended: bool = False) -> Iterator[dict[str, Any]]:
-        """What further samples tell."""
+    def hear(self, values: Floats, recorded: Floats | None = None, ended: bool = False) -> Iterator[dict[str, Any]]:
+        """What further samples tell, `recorded` as `Ear.hear` takes them."""
         listened = self.ear.listens
-        heard = self.ear.hear(values) + (self.ear.end() if ended else [])
+        heard = self.ear.hear(values, recorded) + (self.ear.end() if ended else [])
         if self.ear.listens and not listened:
             self.steps = int(self.t_s / self.window.step_s)
             warning = {"warning": "; ".join(said)} if (said := cautions(self.known, self.prior)) else {}

@@ -79,7 +79,7 @@ class Recognised:
     @property
     def refused(self) -> str:
         """Why no ratio can be trusted, "" if it can."""
-        return self.checks.reason()
+        return self.checks.reason() or ("" if len(self.stones) else "no stone was heard that is not known")
 
 
 def channels_of(table: pd.DataFrame, plate: PlateModel, source: str) -> tuple[Channels, Floats]:
@@ -131,14 +131,16 @@ class Ear:
     in blocks of any length.
 
     They begin with quiet_s without any, which teaches the noise. It then waits for stones, and listens once it knows
-    how loud these are. NotRecognised for a channel that is dead, clipped or without noise, or a record without stones;
-    RecognitionError for a plate that is known too low, or less than QUIET_S.
+    how loud these are. recorded_Hz: at which accelerometers were recorded, whose samples then show what is clipped.
+    NotRecognised for a channel that is dead, clipped or without noise, or a record without stones; RecognitionError for
+    a plate that is known too low, or less than QUIET_S.
     """
 
     listener: Listener
     noise: SensorNoise
 
-    def __init__(self, plate: PlateModel, channels: Channels, prior: StonePrior, quiet_s: float) -> None:
+    def __init__(self, plate: PlateModel, channels: Channels, prior: StonePrior, quiet_s: float,
+                 recorded_Hz: float = RATE_Hz) -> None:
         if plate.max_frequency_Hz < RATE_Hz / 2:
             raise RecognitionError(f"the plate has modes up to {plate.max_frequency_Hz:g} Hz; needs {RATE_Hz / 2:g}")
         if not QUIET_S <= quiet_s < WAIT_S:
@@ -150,6 +152,7 @@ class Ear:
         self.names = [plate.sensor_names[k] for k in channels.accelerometers]
         self.quiet, self.followed = round(quiet_s * RATE_Hz), round(FOLLOWED_S * RATE_Hz)
         self.values = np.zeros((len(self.names) + len(channels.rods), 0))  # which wait, from sample `first` on
+        self.recorded, self.recorded_Hz = self.values[:len(self.names)], recorded_Hz  # not yet looked at
         self.first, self.looked = 0, self.quiet
         self.begins: int | None = None  # samples by which it is known how loud stones are
         self.mains, self.hearing_s = Mains(len(self.values), RATE_Hz), 0.0
@@ -159,9 +162,10 @@ class Ear:
         """Whether it knows how loud stones are."""
         return hasattr(self, "listener")
 
-    def hear(self, values: Floats) -> list[Heard]:
-        """The stones that are final with further samples of the channels."""
+    def hear(self, values: Floats, recorded: Floats | None = None) -> list[Heard]:
+        """The stones that are final with further samples of the channels, `recorded` at recorded_Hz."""
         self.values = np.hstack([self.values, values])
+        self.recorded = np.hstack([self.recorded, values[:len(self.names)] if recorded is None else recorded])
         if self.begins is None:
             self._wait()
         if not self.listens and self.begins is not None and self.values.shape[1] >= self.begins:
@@ -183,6 +187,12 @@ class Ear:
         at_s = np.array([h.stone[TIME] for h in heard]) / RATE_Hz
         return Checks(sums.unexplained, sums.gain, together(at_s), self.noise.change, self.unheard)
 
+    def _recorded(self, samples: int, passed: int) -> Floats:
+        """The next ones, so many at RATE_Hz, as they were recorded; those that are passed are not looked at again."""
+        count, over = (round(n * self.recorded_Hz / RATE_Hz) for n in (samples, passed))
+        found, self.recorded = self.recorded[:, :count], self.recorded[:, over:]
+        return found
+
     def _wait(self) -> None:
         """For a stretch that is louder than the quiet. After WAIT_S the quiet is that before the last stretch."""
         size = round(STRETCH_S * RATE_Hz)
@@ -197,12 +207,14 @@ class Ear:
                 self.begins = self.looked - size + round((UNTAPPED_S if self.retunes else FIRST_S) * RATE_Hz)
             elif self.looked > WAIT_S * RATE_Hz:
                 over = self.looked - self.quiet
+                self._recorded(0, over)
                 self.first, self.values, self.looked = self.first + over, self.values[:, over:], self.quiet
 
     def _begin(self) -> None:
         """Learns noise, how loud stones are, and the filter."""
         known = self.values[:, :self.begins]
-        refuse_faulty(known[:len(self.names)], self.names)
+        begin = self.quiet - LEAD - LOOK_BACK
+        refuse_faulty(self._recorded(known.shape[1], begin), self.names)
         self.mains.learn(known, self.first)
         known = known - self.mains.at(self.first, known.shape[1])
         self.noise = _noise_of(known[:, :self.quiet])
@@ -213,7 +225,6 @@ class Ear:
         self.plate = replace(self.plate, frequency_sd=np.full(len(self.plate.frequency_Hz), LEAST_FREQUENCY_SD))
         self.whitening = Whitening.of(self.plate, self.channels, RATE_Hz, self.noise, rms, PHASE_LOSS)
         bank = Bank.of(self.plate, self.channels, self.prior.forces, self.whitening, RATE_Hz)
-        begin = self.quiet - LEAD - LOOK_BACK
         self.listener = Listener(bank, self.prior, Dictionary.of(bank, self.prior), self.first + begin)
         self.unheard = self.listener.unheard(self.told)
         self.before, self.values, self.first = known[:, :begin], self.values[:, begin:], self.first + begin
@@ -242,9 +253,9 @@ class Ear:
 
     def _follow(self, second: Floats) -> list[Heard]:
         """Faults show where it is loud, other noise where nothing falls."""
-        loud = abs(second).max(initial=0.0)
+        loud, recorded = abs(second).max(initial=0.0), self._recorded(second.shape[1], second.shape[1])
         if loud > self.loudest / 2:
-            refuse_faulty(second[:len(self.names)], self.names)
+            refuse_faulty(recorded, self.names)
             self.loudest = max(self.loudest, loud)
         self.mains.learn(second, self.first - second.shape[1], HUM_MEMORY)
         self.follows, self.lately = self.followed, []

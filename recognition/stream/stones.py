@@ -69,7 +69,8 @@ def learnt_table(heard: Sequence[Heard], hearing: StonePrior, prior: StonePrior,
     chosen = np.flatnonzero((material == UNKNOWN) & (none < 0.5))
     table = rows_of([every[k] for k in chosen], told.only(chosen), law, prior, by_law[chosen], rate_Hz)
     unknown = material == UNKNOWN
-    checks = {"none": 1 - len(chosen) / max(len(heard) - known.coal_first, 1), "beyond": law.beyond,
+    count = len(heard) - known.coal_first
+    checks = {"none": 1 - len(chosen) / count if count > 0 else 0.0, "beyond": law.beyond,
               "misplaced": law.misplaced(told) / max(np.sum(~unknown), 1)}
     followed = None
     if stop is not None and unknown.any():

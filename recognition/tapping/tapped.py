@@ -23,6 +23,7 @@ from recognition.estimation.arrays import Booleans, Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import FORMAT, PlateModel
 from recognition.plate.records import numbers, read_accelerations
+from recognition.sensors.channel_check import channel_faults, clipped
 from recognition.tapping.fit import BEYOND, IDENTIFIED, Fitted, Prior, fit_plate
 from recognition.tapping.structure import Parameters
 from recognition.tapping.taps import Tap
@@ -55,11 +56,12 @@ class Learnt:
 
 def learnt(fitted: Fitted, prior: Prior | None = None) -> Learnt:
     """The plate of a fit. What the fit leaves unexplained about the frequency of a mode counts as error of its shape,
-    half the power each for sensor and place. Raises RecognitionError where a mode may have lost its stiffness."""
+    half the power each for sensor and place. Raises RecognitionError where a mode may have lost its stiffness, or does
+    not ring."""
     structure, parameters = fitted.structure, fitted.state.parameters
     frequency, damping, turn = _modes(fitted, parameters)
     draws = [_matched(fitted, parameters.moved(step), turn) for step in _steps(fitted)]
-    _check_stiff(structure.plate, [frequency, *(draw[0] for draw in draws)])
+    _check_stiff(structure.plate, [frequency, *(draw[0] for draw in draws)], damping)
     off = np.stack([draw[2] - turn for draw in draws])
     plate, gram = structure.plate, _gram(structure.plate)
     rms_2 = np.einsum("jk,jl,lk->k", turn, gram, turn)
@@ -80,10 +82,11 @@ def learnt(fitted: Fitted, prior: Prior | None = None) -> Learnt:
     return Learnt(modes, identified, *_misfit(fitted), gain, np.sqrt(np.diag(fitted.covariance)[at]), highest_Hz)
 
 
-def _check_stiff(plate: PlateModel, frequencies_Hz: list[Floats]) -> None:
+def _check_stiff(plate: PlateModel, frequencies_Hz: list[Floats], damping: Floats) -> None:
     elastic = np.count_nonzero(plate.frequency_Hz)
-    if any(np.count_nonzero(frequency_Hz) < elastic for frequency_Hz in frequencies_Hz):
-        raise RecognitionError("with these taps a mode has no stiffness; is the plate, a place or a unit another one?")
+    if damping.max() >= 1 or any(np.count_nonzero(frequency_Hz) < elastic for frequency_Hz in frequencies_Hz):
+        raise RecognitionError("by these taps a mode has no stiffness, or does not ring; is the plate, a place, a sign "
+                               "or a unit another one?")
 
 
 def _steps(fitted: Fitted) -> Floats:
@@ -183,7 +186,7 @@ def tap(scene_file: str, taps: str, out: str, max_frequency_Hz: float = 6000.0, 
     if uff is not None:
         refuse_file(uff, is_own)
     if not 0 < max_frequency_Hz < 1e5:
-        raise RecognitionError(f"--max-frequency {max_frequency_Hz:g}: must lie between 0 and 1e5 Hz")
+        raise RecognitionError(f"--max-frequency {max_frequency_Hz:g}: must be above 0, below 1e5 Hz")
     with told(f"{scene_file}: modes"):
         plate = PlateModel.from_scene(scene_file, BEYOND * max_frequency_Hz)
     given, prior = read_taps(taps, plate)
@@ -283,4 +286,10 @@ def read_taps(path: str | Path, plate: PlateModel) -> tuple[list[Tap], Prior]:
 def _tap(file: Path, table: TapTable, plate: PlateModel, content: TapFile) -> Tap:
     found, acceleration, rate_Hz = read_accelerations(file, plate, content.scale, content.unit)
     force = None if table.unknown_force or "force_N" not in found.columns else numbers(found, "force_N", file)
-    return Tap(np.array(table.place_m), acceleration, rate_Hz, force, str(file))
+    tap = Tap(np.array(table.place_m), acceleration, rate_Hz, force, str(file))
+    faults = channel_faults(acceleration, plate.sensor_names)
+    if force is not None and (cut := clipped(force, force[abs(force).argmax()], "N")):
+        faults.append(f"force_N: {cut}; unknown_force = true takes no notice of it")
+    if faults:
+        raise RecognitionError(f"{file}: {'; '.join(faults)}")
+    return tap

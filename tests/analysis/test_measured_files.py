@@ -209,3 +209,24 @@ def test_a_table_of_arrays_is_written_as_pandas_writes_it(tmp_path, rows):
     own, of_pandas = (pq.read_table(file).replace_schema_metadata() for file in files)
     assert own.equals(of_pandas) and own.column("gap").null_count == -(-rows // 2)
     pd.testing.assert_frame_equal(*map(pd.read_parquet, files))
+
+
+def test_rounded_times_agree_with_the_rate_that_is_told(tmp_path):
+    """At 51.2 kHz to 0.01 and 1 ms, in single precision, and in seconds since 1970; a rate 1 % off, or a lost sample,
+    does not agree."""
+    rate_Hz, n = 51_200.0, 5000
+    true_s, samples = 3.0 + np.arange(n) / rate_Hz, np.sin(np.arange(n))
+    for k, times in enumerate((true_s.round(5), true_s.round(3), true_s.astype(np.float32), 1.7e9 + true_s)):
+        pd.DataFrame({"t_s": times, "a_m_s2": samples}).to_parquet(file := tmp_path / f"{k}.parquet")
+        record = read_record(file, rate_Hz=rate_Hz)
+        assert record.rate_Hz == rate_Hz and record.t0_s == times[0]
+        for wrong_Hz in (None, 1.01 * rate_Hz, 0.0, np.nan, -rate_Hz):
+            with pytest.raises(RecordError, match="uniform|rise"):
+                read_record(file, rate_Hz=wrong_Hz)
+    for times in (np.delete(true_s, 9).round(5), 1.7e9 + np.delete(true_s, 9)):
+        pd.DataFrame({"t_s": times, "a_m_s2": samples[1:]}).to_parquet(file := tmp_path / "lost.parquet")
+        with pytest.raises(RecordError, match="uniform"):
+            read_record(file, rate_Hz=rate_Hz)
+    pd.DataFrame({"t_s": true_s.round(5), "a_m_s2": samples}).to_csv(tmp_path / "x.csv", index=False)
+    with pytest.raises(RecordError, match="uniform sample rate; where times are rounded, give the sample rate"):
+        read_record(tmp_path / "x.csv")

@@ -44,9 +44,11 @@ def test_constant_stays_constant_to_the_ends():
     np.testing.assert_allclose(resample(as_record(np.full(500, 3.0), 1000.0), 250.0).values, 3.0, rtol=1e-3)
 
 
-def test_rates_without_a_ratio_are_refused():
-    with pytest.raises(RecordError, match="Hz"):
-        resample(tone(100.0), np.e * 1e4)
+@pytest.mark.parametrize("anti_alias", [True, False])
+def test_rates_without_a_ratio_are_refused(anti_alias):
+    for rate_Hz in (0.0, -1.0, np.nan, np.inf, 1001 * RATE_HZ, *[np.e * 1e4] * anti_alias):
+        with pytest.raises(RecordError, match=r"a rate of .* Hz; must be above 0, and at most 1000 times|ratio"):
+            resample(tone(100.0, 99), rate_Hz, anti_alias=anti_alias)
 
 
 @pytest.mark.parametrize("rate_Hz", [np.e * 1e4, RATE_HZ / 1.5, RATE_HZ / 7.3, 1.7 * RATE_HZ])

@@ -37,7 +37,7 @@ def test_the_motion_of_a_place_is_what_a_sensor_there_records(runs):
             sensor = signals[f"{begin}_{place}_{kind[0]}_{unit}"].to_numpy()
             assert abs(sensor).max() > 0
             np.testing.assert_allclose(found[name][:, k], sensor, atol=2e-6 * abs(sensor).max())
-    assert (run / FILE).stat().st_size < 5e5
+    assert (run / FILE).stat().st_size < 6e5
 
 
 def test_motion_is_written_and_said(runs, tmp_path, capsys):
@@ -53,6 +53,7 @@ def test_motion_is_written_and_said(runs, tmp_path, capsys):
     assert said["max_a_m_s2"] == pytest.approx(abs(table[["a_1_m_s2", "a_2_m_s2"]]).max().tolist(), rel=1e-12)
     assert said["modes_bytes"] == (run / FILE).stat().st_size
     assert main(words) == 2 and "motion.csv: is there" in capsys.readouterr().err
+    assert main(["motion", str(run), "--at", "0", "0"]) == 0 and "without the low pass of" in capsys.readouterr().out
     for wrong, line in ((["--at", "0.26", "0"], "x = 0.26"), (["--at", "0", "0", "--out", str(run / "run.json")], ".csv")):
         assert main(["motion", str(run), *wrong]) == 2
         assert line in capsys.readouterr().err

@@ -65,6 +65,13 @@ def test_a_case_without_runs_says_so():
         list(Evaluation(data).splits(Case("x", "positions", ("free",))))
 
 
+def test_a_data_set_of_other_families_is_refused(tmp_path):
+    data = DataSet([], rows()[lambda table: table["family"] == "speed"].assign(family="mine"), [])
+    with pytest.raises(RecognitionError, match="families mine; needs one of paper, clean, stones"):
+        write_evaluation(data, tmp_path, only("rms_line"))
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("db", [20.0, 40.0])
 def test_noise_is_as_loud_as_it_says_and_the_same_again(db):
     t = np.arange(5000) / 6667

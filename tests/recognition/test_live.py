@@ -8,6 +8,7 @@ import threading
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import resample_poly
 
 from lab.known_truth.machine_noise import noise
 from lab.known_truth.simulated import draw_stones, stream_of
@@ -109,6 +110,31 @@ def test_live_stones_are_those_of_the_file(drawing, names, capsys):
     assert all(heard_s[t_s] < events.index(last) for t_s in heard_s if t_s < last["t_s"])
 
 
+def test_stones_are_told_in_the_times_of_the_record(drawing, names, capsys):
+    """A clock that is 0.08 % fast is not resampled."""
+    here, values, truth = drawing
+    values = resample_poly(values, 1, 2, axis=1)
+    table = pd.DataFrame(values.T.astype(float), columns=names)
+    table.insert(0, "t_s", 5.0 + np.arange(len(table)) / 20_016.0)
+    table.to_parquet(here / "fast.parquet")
+    assert listened(capsys, here, str(here / "fast.parquet"), "--out", str(here / "fast"))[0] == 0
+    stones = pd.read_parquet(here / "fast" / "stones.parquet")["t_s"] - 5.0
+    _, events, _ = piped(capsys, here, sent(values, {"rate_Hz": 20_016, "channels": names}))
+    for found_s in (stones, [one["t_s"] for one in events if one["event"] == "stone"]):
+        assert np.median([min(abs(truth["t_s"] * 20_000 / 20_016 - t_s)) for t_s in found_s]) < 1e-4
+
+
+def test_where_every_stone_is_known_there_is_no_ratio(drawing, names, capsys):
+    here, values, _ = drawing
+    table = pd.DataFrame(values.T.astype(float), columns=names)
+    table.insert(0, "t_s", np.arange(len(table)) / RATE_2_Hz)
+    table.to_parquet(here / "known.parquet")
+    assert main(["listen", str(here / "known.parquet"), "--plate", str(here / "plate.json"), "--law", str(here / "law.json"),
+                 "--radius", "0.025", "0.025", "--speed", "2", "4", "--silence", "0.04", "--out", str(here / "known"),
+                 "--coal-first", "60"]) == 3
+    assert capsys.readouterr().out.endswith("no ratio can be trusted: no stone was heard that is not known\n")
+
+
 def test_a_terminal_shows_the_ratio_over_its_interval():
     event = {"event": "ratio", "t_s": 1.25, "stones": 7, "low": 0.1, "ratio": 0.2, "high": 0.3}
     assert watched(event) == f"     1.2 s .....=====#=====.{'.' * 34}  20% of 7 stones"
@@ -128,6 +154,18 @@ def test_another_plate_is_said_within_three_seconds(drawing, names, capsys):
     assert code == 3 and events[-1]["event"] == "NOT EXPLAINED"
     assert next(one for one in events if one["event"] == "refused")["t_s"] < 3
     assert "ratio" not in {one["event"] for one in events}
+
+
+def test_what_is_clipped_above_20_kHz_is_refused_as_it_was_recorded(drawing, plate, names, capsys):
+    """Resampled it is no longer level. From a stone on: by the first second, and later."""
+    here, values, truth = drawing
+    for after in (0, 10):
+        k, most = round((truth["t_s"][after] - 0.01) * RATE_2_Hz), 0.4 * abs(values[1]).max()
+        clipped = np.array(values)
+        clipped[1, k:] = clipped[1, k:].clip(-most, most)
+        code, events, _ = piped(capsys, here, sent(clipped, {"rate_Hz": RATE_2_Hz, "channels": names}))
+        assert code == 3 and events[-1]["event"] == "REFUSED"
+        assert events[-1]["refused"].startswith(f"{plate.sensor_names[1]}: clipped: ")
 
 
 def test_a_stream_that_ends_early_is_held_to_radii_and_speeds_too(drawing, names, capsys):

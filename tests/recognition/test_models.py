@@ -1,4 +1,5 @@
 import json
+import math
 import re
 
 import pytest
@@ -104,6 +105,21 @@ def test_acceleration_alone_is_enough_for_q(model, sweep_path):
     answers = model.recognise(run.signals[["t_s", "a_m_s2"]])
     assert answers["fusion_q"].ratio == pytest.approx(0.6, abs=0.02)
     assert "internal_J" in answers["energy_fusion_modified"].reason
+
+
+def test_energies_of_other_sensors_than_the_training_has_give_no_ratio(model, sweep_path):
+    """Pooled over three of four, they are as far off as a record of less gangue."""
+    signals = read_sweep(sweep_path).runs[4].signals
+    north, *_ = (name for name in signals if name.startswith("acc_"))
+    for other in (signals.drop(columns=north), signals.rename(columns={north: "acc_attic_m_s2"})):
+        answer = model.recognise(other)["energies_sensors"]
+        assert math.isnan(answer.ratio) and "the training has acc_" in answer.reason
+    assert not model.recognise(signals)["energies_sensors"].reason
+
+
+def test_a_method_that_finds_a_record_unlike_its_training_says_no_ratio():
+    result = RecogniseResult("x", "a", {"a": Answer(0.4, 0.4, 0.4), "b": Answer(0.1, 0.0, 0.2, "misfit 9, limit 2")})
+    assert list(result.words())[-1].split(maxsplit=1) == ["b", "out of distribution: misfit 9, limit 2"]
 
 
 def test_command_line(sweep_path, tmp_path, capsys):

@@ -112,6 +112,25 @@ def test_command_writes_the_plate(truth, tmp_path, capsys):
     assert "not identified" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("change, said", [
+    (lambda table: table.assign(acc_west_m_s2=table["acc_west_m_s2"].clip(-20, 20)), "west: clipped: "),
+    (lambda table: table.assign(force_N=table["force_N"].rolling(4, min_periods=1).max()), "force_N: clipped: "),
+    (lambda table: table.assign(acc_west_m_s2=1e-3 * table["acc_west_m_s2"]), "west: dead"),
+    (lambda table: table.assign(force_N=-table["force_N"]), "a place, a sign or a unit"),
+])
+def test_faults_of_a_tap_are_refused(truth, tmp_path, capsys, change, said):
+    words = write_taps(tmp_path, hammer_taps(truth, PLACES[:1], np.random.default_rng(7), rate_Hz=8e3), truth.sensor_names)
+    change(pd.read_csv(tmp_path / "tap0.csv")).to_csv(tmp_path / "tap0.csv", index=False)
+    assert main(["tap", *words]) == 2
+    assert said in capsys.readouterr().err.splitlines()[-1] and not (tmp_path / "plate.json").exists()
+
+
+@pytest.mark.parametrize("highest_Hz, said", [("40", "no mode of plate and rods lies below it"), ("0", "must be above 0")])
+def test_a_frequency_without_modes_is_refused_in_one_line(tmp_path, capsys, highest_Hz, said):
+    assert main(["tap", str(SCENE), "taps.toml", "--out", str(tmp_path / "p.json"), "--max-frequency", highest_Hz]) == 2
+    assert said in capsys.readouterr().err.splitlines()[-1]
+
+
 def frequency_responses(plate, place, frequency_Hz):
     """Acceleration upwards at each sensor over a force downwards, as the sum of the modes."""
     w, natural = 2 * np.pi * frequency_Hz[:, None], 2 * np.pi * plate.frequency_Hz
