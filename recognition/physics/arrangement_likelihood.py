@@ -195,14 +195,10 @@ class ArrangementModel:
         unit = _sampled(hat, delayed.ravel()).reshape(-1, delayed.shape[1], self.stones)
         unit = np.ascontiguousarray(unit.swapaxes(1, 2))  # (channels x samples, stones, bins)
         response, root = unit @ self.law.forms.T, np.linalg.cholesky(self.law.rest)
-        # The rest of each place by itself; and the mean forces, which are known from so many stones only and err alike
-        # at all places.
-        of_weights = np.linalg.cholesky(self.law.weights[1].mean(axis=0))
-        alike = np.column_stack([unit.sum(axis=1) @ root, response.sum(axis=1) @ of_weights])
-        parts = [(unit @ root).reshape(len(unit), -1), alike / np.sqrt(2 * self.law.seen)]
+        parts = [(unit @ root).reshape(len(unit), -1)]
         parts += [_sampled(one, rows).reshape(len(unit), -1) for one in scatter]
-        scattered = np.concatenate(parts, axis=1)
-        return RecordLaw(response, scattered @ scattered.T)
+        every = np.concatenate(parts, axis=1)
+        return RecordLaw(response, every @ every.T)
 
     def _speeds_m_s(self) -> Floats:
         speeds = np.linspace(self.low_m_s * (1 - BEYOND), self.high_m_s * (1 + BEYOND), SPEEDS)

@@ -38,19 +38,18 @@ SHORT = {"digits": 7}
 @dataclass(frozen=True)
 class ForceLaw:
     """forms (k, bins): f_0, f_1 ... in hats; mean (2, p, k): of u, a ... of coal and of gangue, by powers of the speed
-    beyond middle_m_s; covariance (2, k, k): of them; rest (bins, bins): covariance of what is left; seen: number of
-    different stones that tell it. ValueError for arrays that do not fit together."""
+    beyond middle_m_s; covariance (2, k, k): of them; rest (bins, bins): covariance of what is left. ValueError for
+    arrays that do not fit together."""
 
     forms: Floats = field(metadata=SHORT)
     mean: Floats = field(metadata=SHORT)
     covariance: Floats = field(metadata=SHORT)
     rest: Floats = field(metadata=SHORT)
     middle_m_s: float
-    seen: int
 
     def __post_init__(self) -> None:
         if not (self.forms.ndim == 2 and self.rest.shape == (self.bins,) * 2 and self.mean.ndim == 3
-                and self.mean.shape[::2] == (2, len(self.forms)) and self.seen > 0
+                and self.mean.shape[::2] == (2, len(self.forms))
                 and self.covariance.shape == (2, len(self.forms), len(self.forms))):
             raise ValueError("the arrays of the law of forces do not fit together")
 
@@ -156,13 +155,14 @@ def law_of(forces: list[Floats], beyond: list[Floats], counts: list[int], bin_s:
               for of, one, by, count in zip(numbers, powers, mean, counts, strict=True)]
     rest = [_covariance(one, count, 0.0) for one, count in zip(left, counts, strict=True)]
     return ForceLaw(np.vstack([first, deviation * direction]), np.stack(mean), np.stack(spread), np.mean(rest, axis=0),
-                    middle_m_s, min(counts))
+                    middle_m_s)
 
 
 def _covariance(off: Floats, stones: int, least: float) -> Floats:
-    """(k, k) of what (m, k) of `stones` different stones is off, at least `least` in each number, or, of the largest
-    deviation, LEAST_DEVIATION."""
+    """(k, k) of what (m, k) of `stones` different stones is off their mean, at least `least` in each number, or, of the
+    largest deviation, LEAST_DEVIATION; and of the mean, which is known from so many stones only."""
     observed = off.T @ off / len(off)
     variance = np.diag(observed)
     variance = np.maximum(variance, max(least**2, LEAST_DEVIATION**2 * variance.max()))
-    return np.asarray((stones * observed + SHRINKAGE_STONES * np.diag(variance)) / (stones + SHRINKAGE_STONES))
+    shrunk = (stones * observed + SHRINKAGE_STONES * np.diag(variance)) / (stones + SHRINKAGE_STONES)
+    return np.asarray(shrunk * (1 + 1 / stones))

@@ -39,7 +39,7 @@ def _arrangements(record):
     hat = rng.standard_normal((channels, samples + 64, 3))
     method.model_ = ArrangementModel(record.names, scale, np.full(channels, 0.1), 1e-5, 1, samples, hat, 2,
                                      ForceLaw(rng.standard_normal((2, 4)), rng.standard_normal((2, 2, 2)),
-                                              np.tile(np.eye(2), (2, 1, 1)), np.eye(4), 3.0, 7), [], "{}",
+                                              np.tile(np.eye(2), (2, 1, 1)), np.eye(4), 3.0), [], "{}",
                                      np.zeros((3, 2)), 0.0, 0.0, False, 2.0, 4.0)
     method.expected_ = ExpectedMisfit(np.array([0.1, 1.0]), np.ones(2))
     method.limits_, method.error_ = np.ones(2), 0.1

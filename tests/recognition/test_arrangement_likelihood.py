@@ -30,7 +30,7 @@ from recognition.physics.arrangement_likelihood import (
     ExpectedMisfit,
 )
 from recognition.physics.arrangement_method import ArrangementLikelihood
-from recognition.physics.force_law import ForceLaw, force_law
+from recognition.physics.force_law import ForceLaw, force_law, law_of
 from recognition.physics.force_records import Fall, ForceRecord
 
 PLACES_M = 0.06 * np.array([[1, 0], [0.3, 0.95], [-0.8, 0.6], [-0.8, -0.6], [0.3, -0.95]])
@@ -110,7 +110,7 @@ def small_model(rng, stones=3, bins=3, powers=2, width=2, samples=6, scatter=1, 
     mean[1, 0, 0] = mean[0, 0, 0] + 0.7
     turned = 0.3 * rng.standard_normal((2, forms, forms))
     law = ForceLaw(0.5 * rng.standard_normal((forms, bins)), mean, turned @ turned.swapaxes(1, 2) + 0.04 * np.eye(forms),
-                   root @ root.T + 0.01 * np.eye(bins), 3.0, 7)
+                   root @ root.T + 0.01 * np.eye(bins), 3.0)
     return ArrangementModel(("a", "b"), np.array([1.0, 2.0]), np.array([0.3, 0.2]), 1e-5, 1, samples, hat, width, law,
                             [0.2 * rng.standard_normal((2, samples + 64, 2)) for _ in range(scatter)], "",
                             np.zeros((stones, 2)), 0.0, 0.0, False, 3.0, 3.0)
@@ -118,7 +118,7 @@ def small_model(rng, stones=3, bins=3, powers=2, width=2, samples=6, scatter=1, 
 
 def well_told(model):
     """The model of records that leave little of the impulses untold, where Laplace's method is exact."""
-    law = replace(model.law, rest=1e-3 * model.law.rest, seen=7000)
+    law = replace(model.law, rest=1e-3 * model.law.rest)
     return replace(model, law=law, residual=0.1 * model.residual, scatter=[0.03 * one for one in model.scatter])
 
 
@@ -165,8 +165,6 @@ def naive_law(model, shift):
             one[:, k] = at(response, shift + k * model.stride)
     unit, law = unit.reshape(d, n, bins), model.law
     covariance = sum(unit[:, i] @ law.rest @ unit[:, i].T for i in range(n))
-    force = law.rest + law.forms.T @ law.weights[1].mean(axis=0) @ law.forms
-    covariance = covariance + unit.sum(axis=1) @ force @ unit.sum(axis=1).T / (2 * law.seen)
     for one in other:
         covariance = covariance + one.reshape(d, -1) @ one.reshape(d, -1).T
     return np.stack([unit @ form for form in law.forms], axis=2), covariance
@@ -332,6 +330,16 @@ def test_the_scatter_of_forces_is_that_of_both_materials():
     law, other = force_law(even, np.arange(12), 3.0), force_law(turned, np.arange(12), 3.0)
     assert other.mean[0] == pytest.approx(law.mean[1]) and other.covariance[0] == pytest.approx(law.covariance[1])
     assert other.rest == pytest.approx(law.rest)
+
+
+def test_a_law_of_few_stones_is_wider_by_the_error_of_their_mean():
+    """Stones of one form whose impulses are e^0.1 larger or smaller, coal of a mean impulse of 1 N s, gangue of e N s."""
+    signs, form = np.array([1, -1, 1, -1]), np.array([1.0, 2.0, 1.0])
+    forces = [np.exp(mean + 0.1 * signs)[:, None] * form / 4e-5 for mean in (0.0, 1.0)]
+    for count in (5, 500):
+        law = law_of(forces, [np.zeros(4)] * 2, [count] * 2, 1e-5, 3.0)
+        assert law.covariance[:, 0, 0] == pytest.approx(0.01 * (1 + 1 / count))
+        assert law.mean[:, 0] == pytest.approx(np.array([[0.0, 0.0], [1.0, 0.0]]), abs=1e-9)
 
 
 def test_saved_and_read(method):
