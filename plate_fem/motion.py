@@ -15,7 +15,6 @@ from typing import Any
 from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
 
 import numpy as np
-from isal import isal_zlib
 
 from common.files.whole import written_whole
 from common.tables import InputError
@@ -260,8 +259,6 @@ class RecordedMotion:
         with written_whole(file) as beside, ZipFile(beside, "w", ZIP_DEFLATED, compresslevel=1) as packed:
             for name, value in {**kept, **of_modes}.items():
                 with packed.open(f"{name}.npy", "w", force_zip64=True) as stream:
-                    # The format of zlib, which packs where Python has no such attribute, in a quarter of the time.
-                    stream._compressor = isal_zlib.compressobj(2, isal_zlib.DEFLATED, -15)  # type: ignore[attr-defined]
                     np.lib.format.write_array(stream, np.asarray(_packed(value)))
 
     @classmethod

@@ -37,7 +37,7 @@ def test_the_motion_of_a_place_is_what_a_sensor_there_records(runs):
             sensor = signals[f"{begin}_{place}_{kind[0]}_{unit}"].to_numpy()
             assert abs(sensor).max() > 0
             np.testing.assert_allclose(found[name][:, k], sensor, atol=2e-6 * abs(sensor).max())
-    assert (run / FILE).stat().st_size < 6e5
+    assert (run / FILE).stat().st_size < 5e5
 
 
 def test_motion_is_written_and_said(runs, tmp_path, capsys):
