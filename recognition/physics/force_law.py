@@ -81,7 +81,7 @@ class ForceLaw:
 
     @property
     def of_any(self) -> tuple[Floats, Floats]:
-        """Mean (k,) and covariance (k, k) of the weights of a stone that is coal or gangue, who knows which."""
+        """Mean (k,) and covariance (k, k) of the weights of a stone that is coal or gangue, both as likely."""
         mean, covariance = self.weights
         half = (mean[1] - mean[0]) / 2
         return mean.mean(axis=0), covariance.mean(axis=0) + np.outer(half, half)
