@@ -197,9 +197,9 @@ def time_features(record: Record) -> list[Feature]:
             for name, formula in FEATURES.items() if formula.takes == "samples"]
 
 
-def time_frequency_features(record: Record) -> tuple[list[Feature], str]:
-    """Return the energies of the IMFs, their shares, and the energy of the Hilbert marginal spectrum; none of them, but
-    why, where IMFs hold above MOST_ENERGY times the record's energy.
+def time_frequency_features(record: Record) -> tuple[list[Feature], float]:
+    """Return the energies of the IMFs, their shares, and the energy of the Hilbert marginal spectrum; and how many
+    times the record's energy all IMFs hold.
 
     Energies are integrals of x^2 over time, in unit^2 s. The decomposition is that of `analysis.decompose` with its
     default stopping rule.
@@ -207,15 +207,12 @@ def time_frequency_features(record: Record) -> tuple[list[Feature], str]:
     from analysis.signals.emd import decompose
 
     imfs, found = decompose(record), list[Feature]()
-    if (times := imfs.energies.sum() * record.rate_Hz / (record.values.size * variance(record.values))) > MOST_ENERGY:
-        return [], (f"{record.name}: IMFs and their spectrum: they would hold {times:.3g} times the record's energy, "
-                    f"where at most {MOST_ENERGY:g} are allowed; take a part without quiet")
     for name, formula in FEATURES.items():
         if formula.takes == "imfs":
             unit = f"{power_of_unit(record.unit, formula.power)} s" if formula.power else "1"
             values = np.atleast_1d(formula.function(imfs))
             found += [Feature(name.format(k), float(value), unit) for k, value in enumerate(values, 1)]
-    return found, ""
+    return found, float(imfs.energies.sum() * record.rate_Hz / (record.values.size * variance(record.values)))
 
 
 def sensor_features(name: str, signals: np.ndarray) -> np.ndarray:
@@ -229,19 +226,29 @@ def sensor_features(name: str, signals: np.ndarray) -> np.ndarray:
     raise RecordError(f"{name} of a sensor is no number: the samples are silent, too large or too small for it")
 
 
-def features_of(record: Record) -> tuple[dict[str, Feature], str]:
-    """Return all parameters of Figure 23 by name, in a fixed order, and why those of IMFs are not among them, "" if
-    they are. Raises as `signal_features`."""
+def _every_feature(record: Record) -> tuple[dict[str, Feature], list[str], float]:
+    """All parameters by name, which of them are of IMFs, and how many times the record's energy these hold."""
     try:
         with np.errstate(all="ignore"):  # what is no number is refused below
-            of_imfs, left_out = time_frequency_features(record)
+            of_imfs, times = time_frequency_features(record)
             found = {f.name: f for f in [*time_features(record), *of_imfs]}
     except ZeroDivisionError:
         raise RecordError(f"{record.name}: has a mean of zero; the samples are too small") from None
     for f in found.values():
         if not np.isfinite(f.value):
             raise RecordError(f"{record.name}: {f.name} is {f.value}; the samples are too large or too small for it")
-    return found, left_out
+    return found, [f.name for f in of_imfs], times
+
+
+def features_of(record: Record) -> tuple[dict[str, Feature], str]:
+    """Return all parameters of Figure 23 by name, in a fixed order, and why those of IMFs are not among them, "" if
+    they are. Raises as `signal_features`."""
+    found, of_imfs, times = _every_feature(record)
+    if times <= MOST_ENERGY:
+        return found, ""
+    return ({name: f for name, f in found.items() if name not in of_imfs},
+            f"{record.name}: IMFs and their spectrum: they would hold {times:.3g} times the record's energy, "
+            f"where at most {MOST_ENERGY:g} are allowed; take a part without quiet")
 
 
 def signal_features(record: Record) -> dict[str, Feature]:
@@ -260,13 +267,11 @@ def signal_features(record: Record) -> dict[str, Feature]:
 
 
 def base_parameters(record: Record) -> np.ndarray:
-    """Return the eight parameters of Q (Eq. 40) in the order of BASE_PARAMETERS. Raises as `signal_features`, and
-    RecordError where IMFs overshoot.
+    """Return the eight parameters of Q (Eq. 40) in the order of BASE_PARAMETERS, as the paper takes them: also of IMFs
+    that overshoot. Raises as `signal_features`.
 
     >>> base_parameters(read_run("runs/paper/ratio_030").record("a_m_s2")).shape
     (8,)
     """
-    found, left_out = features_of(record)
-    if left_out:
-        raise RecordError(left_out)
+    found = _every_feature(record)[0]
     return np.array([found[name].value for name in BASE_PARAMETERS])

@@ -33,6 +33,7 @@ from dem.run.run import run_scene
 from dem.stones.arrangement import stones_of
 
 RATIO = "stones.gangue_ratio"
+MOST_RATIOS = 100  # beside none
 RATIOS_OF_DRAWN = 10  # steps from none to all where stones are drawn
 _log = logging.getLogger(__name__)
 Work = Callable[[], Any]  # returns what there is to tell
@@ -70,6 +71,9 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Changes = (), overwri
         raise InputError(f"{scene_file}: stones.each: a sweep shares out the gangue; needs stones.count, drawn "
                          "or stream")
     count = RATIOS_OF_DRAWN if stones.drawn else stones.volley[0]
+    if count > MOST_RATIOS:
+        raise InputError(f"{scene_file}: stones.count = {count}: a sweep names its runs by whole per cent of gangue; "
+                         f"at most {MOST_RATIOS}")
     scenes = {out / ratio_name(k / count): changed_scene(scene_file, keys | {RATIO: k / count})
               for k in range(count + 1)}
     for scene in scenes.values():

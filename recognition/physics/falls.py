@@ -25,7 +25,7 @@ from recognition.physics.force_records import Fall
 from recognition.physics.seen import SLOPES, Seen
 from recognition.plate.plate_model import PlateModel, modal_steps
 
-COMPONENTS, WIDEST = 6, 4.0  # of what scatters; standard deviations that a coefficient has at most
+COMPONENTS, WIDEST = 8, 4.0  # of what scatters; standard deviations that a coefficient has at most
 GRID_M, GRID_S = 0.02, 4e-5  # on which a stone is put first
 SMALLEST, LARGEST = 0.3, 2.5  # factors on the mean force with which it is put there
 TIME_S, PLACE_M = 1e-5, 2e-3  # typical changes of an arrival and a place in a fit

@@ -1,15 +1,12 @@
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given, settings, strategies as st
 
 from analysis import RecordError, as_record, base_parameters, signal_features
 from analysis.signals.features import BASE_PARAMETERS, FEATURES, time_features
 from gangue.__main__ import main
-from recognition.estimation.errors import RecognitionError
-from recognition.paper.q_parameter import FusionQ
 
 
 def by_name(values, rate_Hz=1000.0):
@@ -134,12 +131,8 @@ def test_imfs_that_overshoot_are_nowhere_and_it_is_said(tmp_path, capsys):
     with pytest.warns(UserWarning, match="left out: signal: IMFs .* times the record's energy, where at most 2"):
         found = signal_features(record)
     assert found.keys() == {f.name for f in time_features(record)}
-    with pytest.raises(RecordError, match="times the record's energy"):
-        base_parameters(record)
+    assert base_parameters(record).size == 8  # as the paper takes them
     np.savetxt(tmp_path / "x.csv", record.values, header="a_m_s2", comments="")
     assert main(["features", str(tmp_path / "x.csv"), "--rate", "1000"]) == 0
     said = capsys.readouterr().out
     assert "left out: " in said and "imf_1_energy" not in said
-    table = pd.DataFrame({"t_s": record.t_s, "a_m_s2": record.values})
-    with pytest.raises(RecognitionError, match="times the record's energy"):
-        FusionQ().prepare(table)

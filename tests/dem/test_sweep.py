@@ -78,3 +78,10 @@ def test_a_sweep_changes_keys_of_the_scene(tmp_path, capsys):
     assert "4 runs, 0 to run" in capsys.readouterr().out
     assert main(["sweep", str(scene), "--out", str(out), "--set", "stones.gangue_ratio=0.5"]) == 2
     assert "every ratio" in capsys.readouterr().err
+
+
+def test_ratios_that_share_a_name_are_refused(tmp_path, capsys):
+    """Of 101 stones 0 and 1 of gangue are 0 and 1 %, but 50 and 51 both are 50 %."""
+    words = ["sweep", str(SCENES / "paper.toml"), "--out", str(tmp_path / "runs"), "--set", "stones.count=101"]
+    assert main(words) == 2
+    assert "stones.count = 101" in capsys.readouterr().err and not (tmp_path / "runs").exists()
