@@ -105,17 +105,22 @@ class PlateModes:
         plus what it exceeds those of the nodes by.
         """
         points = mesh.nodes(*(_refined(lines, FINER) for lines in (self.lines_x_m, self.lines_y_m)))
-        fine = np.concatenate([abs(part.shape_at(points)).max(axis=0) for part in self.parts()])
+        fine = np.concatenate([abs(shape).max(axis=0) for shape in self.shapes_at(points)])
         wave = 1 - (np.pi / (FINER * mesh.CELLS_PER_WAVELENGTH)) ** 2 / 2  # half a cell of the grid from its crest
         return fine / wave + fine - abs(self.shape).max(axis=0)
 
     def shape_at(self, points_m: np.ndarray) -> np.ndarray:
         """Return the deflection (k, n) of the modes at points (k, 2)."""
-        rows = mesh.bicubics(self.lines_x_m, self.lines_y_m).values(points_m)
-        return rows @ self.nodal.reshape(-1, self.nodal.shape[2])
+        return np.hstack(list(self.shapes_at(points_m)))
 
-    def grid(self, spacing_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the modes on a regular grid: x_m (nx,), y_m (ny,) and shape (nx, ny, n).
+    def shapes_at(self, points_m: np.ndarray) -> Iterator[np.ndarray]:
+        """Yield the deflection (k, m) at points (k, 2) of m modes after others: all at once may fill much memory."""
+        rows = mesh.bicubics(self.lines_x_m, self.lines_y_m).values(points_m)
+        for part in self.parts():
+            yield rows @ part.nodal.reshape(rows.shape[1], -1)
+
+    def grid(self, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lines x_m (nx,) and y_m (ny,) of a regular grid.
 
         The sides are divided into cells no larger than spacing_m. Two more cells beyond each edge continue the cubic of
         the outermost mesh cell smoothly.
@@ -125,17 +130,17 @@ class PlateModes:
             side = lines[-1] - lines[0]
             n = int(np.ceil(side / spacing_m - 1e-9))
             axes.append(lines[0] + side / n * np.arange(-2, n + 3))
-        shape = self.shape_at(mesh.nodes(*axes))
-        return axes[0], axes[1], shape.reshape(*map(len, axes), -1)
+        return axes[0], axes[1]
 
     def lateral_grid(self, x_m: np.ndarray, y_m: np.ndarray, axis: int) -> np.ndarray:
         """Return `lateral` along one axis on a grid, (nx, ny, n), by cubic splines that continue beyond the edges."""
         nodes = self.lateral[:, axis].reshape(len(self.lines_x_m), len(self.lines_y_m), -1)
-        along_x = make_interp_spline(self.lines_x_m, nodes, k=3)(x_m)
-        return np.asarray(make_interp_spline(self.lines_y_m, along_x, k=3, axis=1)(y_m))
+        along_x, along_y = (make_interp_spline(lines, np.eye(len(lines)))(at)
+                            for lines, at in ((self.lines_x_m, x_m), (self.lines_y_m, y_m)))
+        return np.asarray(along_y @ np.tensordot(along_x, nodes, 1))
 
     def parts(self) -> Iterator[PlateModes]:
-        """Some of the modes after the others: shapes of all at once, at many points, fill much memory."""
+        """Some of the modes after the others."""
         of_all = ("frequency_Hz", "damping_ratio", "nodal", "mean_shape", "rod_force", "surface_stress", "lateral")
         for k in range(0, len(self.frequency_Hz), AT_ONCE):
             yield replace(self, **{name: getattr(self, name)[..., k : k + AT_ONCE] for name in of_all})
@@ -238,8 +243,9 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
     nodes_m = mesh.nodes(system.lines_x_m, system.lines_y_m)
     momentum = ribs.momentum(system)
     momentum[: system.deflections.size] += plate.density_kg_m3 * plate.thickness_m * system.deflections.integrals
-    rows, mass_kg = _rows_of(model, nodes_m, momentum), float(momentum[: system.deflections.size].sum())
-    nodal, surface_stress, lateral, moved, rod_force = _all_shapes(rows, chain(vectors, residual), len(omega_squared))
+    rows, mass_kg = _rows_of(system, nodes_m, momentum), float(momentum[: system.deflections.size].sum())
+    shapes = (_shapes_of(model, rows, some) for some in chain(vectors, residual))
+    nodal, surface_stress, lateral, moved, rod_force = _in_one_piece(shapes, len(omega_squared))
     return PlateModes(
         frequency_Hz=np.sqrt(omega_squared) / (2 * np.pi),
         damping_ratio=np.full(len(omega_squared), plate.damping_ratio),
@@ -248,22 +254,20 @@ def _compute(plate: FlexiblePlate, residual_points_m: np.ndarray | None, cache_d
         mean_shape=moved / mass_kg, mass_kg=mass_kg, n_residual=len(omega_squared) - kept.shape[1])
 
 
-def _rows_of(model: PlateModel, nodes_m: np.ndarray, momentum: np.ndarray) -> list[sp.csr_array]:
-    """Return the sparse matrices (k, n) that give, from the unknowns of the model, w, w_x, w_y and w_xy at nodes
-    (k, 2), the stress and the displacement of the top surface there, the force on rods, and momentum."""
-    system, top = model.system, model.system.plate.thickness_m / 2
-    swaying = nodes_m[: None if sways(system.plate) else 0]
-    rows = [sp.vstack([system.deflection(nodes_m, by) for by in ((0, 0), (1, 0), (0, 1), (1, 1))]),
+def _rows_of(system: PlateSystem, nodes_m: np.ndarray, momentum: np.ndarray) -> list[sp.csr_array]:
+    """Return the sparse matrices (k, system.size) that give w, w_x, w_y and w_xy at nodes (k, 2), the stress and the
+    displacement of the top surface there, and momentum."""
+    top, swaying = system.plate.thickness_m / 2, nodes_m[: None if sways(system.plate) else 0]
+    return [sp.vstack([system.deflection(nodes_m, by) for by in ((0, 0), (1, 0), (0, 1), (1, 1))]),
             sp.vstack(surface_stress_rows(system, nodes_m)),
             sp.vstack([system.lateral(swaying, axis, top) for axis in (0, 1)]), sp.csr_array(momentum[None])]
-    return [*(one @ model.expansion for one in rows), model.rod_force]
 
 
-def _all_shapes(rows: list[sp.csr_array], vectors: Iterable[np.ndarray], count: int) -> list[np.ndarray]:
+def _in_one_piece(shapes: Iterable[tuple[np.ndarray, ...]], count: int) -> list[np.ndarray]:
     """Return what `_shapes_of` gives for some vectors after the others, `count` in all, each in one piece."""
     found, start = list[np.ndarray](), 0
-    for some in vectors:
-        parts, end = _shapes_of(rows, some), start + some.shape[1]
+    for parts in shapes:
+        end = start + parts[0].shape[-1]
         found = found or [np.empty((*part.shape[:-1], count), part.dtype) for part in parts]
         for whole, part in zip(found, parts, strict=True):
             whole[..., start:end] = part
@@ -271,11 +275,12 @@ def _all_shapes(rows: list[sp.csr_array], vectors: Iterable[np.ndarray], count: 
     return found
 
 
-def _shapes_of(rows: list[sp.csr_array], vectors: np.ndarray) -> tuple[np.ndarray, ...]:
+def _shapes_of(model: PlateModel, rows: list[sp.csr_array], vectors: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return `nodal`, `surface_stress`, `lateral`, the momentum and `rod_force` of PlateModes for some of its vectors
-    (size, n)."""
-    w, stress, lateral, momentum, force = (one @ vectors for one in rows)
-    w, n = w.reshape(4, -1, w.shape[1]), w.shape[1]
+    (size, n), by the rows of `_rows_of`."""
+    of_plate, n = model.expansion @ vectors, vectors.shape[1]
+    w, stress, lateral, momentum = (one @ of_plate for one in rows)
+    w, force = w.reshape(4, -1, n), model.rod_force @ vectors
     sign = _sign(w[0])
     stress, lateral = (np.asarray(sign * of.reshape(axes, -1, n).swapaxes(0, 1), np.float32)
                        for of, axes in ((stress, 3), (lateral, 2)))

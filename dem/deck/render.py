@@ -8,6 +8,7 @@ import hashlib
 import math
 from collections.abc import Callable
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from dem.deck.pictures import picture_schedule
 from dem.deck.time_step import TimeStep, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
 from dem.stones.stone import Entry, Substance, bond_of, material_of, pair_contact, plate_contact
+from plate_fem.elements.mesh import nodes
 from plate_fem.modes import PlateModes
 
 INDEX_NUMBERS = 6 + 3  # of a stone: whole numbers, spin
@@ -304,15 +306,16 @@ def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
     """Write the file that dem/engine/coupling/plate_shapes.h describes. The first bytes of all numbers of a shape, then
     the second ones, and so on, pack to half the room, without loss."""
     cell = max(np.diff(modes.lines_x_m).max(), np.diff(modes.lines_y_m).max())
-    x, y, _ = next(modes.parts()).grid(SHAPE_GRID * cell)
+    x, y = modes.grid(SHAPE_GRID * cell)
     directions = 3 if with_lateral and len(modes.lateral) else 1
     packer = isal_zlib.compressobj(3)
     with open(file, "wb") as out:
         out.write(b"shapes 2")
         np.array([len(x), len(y), directions, len(modes.frequency_Hz)], dtype="<i8").tofile(out)
         np.array([x[0], y[0], x[1] - x[0], y[1] - y[0]], dtype="<f8").tofile(out)
-        for direction, some in ((k, some) for k in range(directions) for some in modes.parts()):
-            shape = some.lateral_grid(x, y, direction - 1) if direction else some.grid(SHAPE_GRID * cell)[2]
+        upwards = (shape.reshape(len(x), len(y), -1) for shape in modes.shapes_at(nodes(x, y)))
+        lateral = (some.lateral_grid(x, y, axis) for axis in range(directions - 1) for some in modes.parts())
+        for shape in chain(upwards, lateral):
             for mode in range(shape.shape[2]):
                 numbers = shape[:, :, mode].astype("<f8").reshape(-1, 1)
                 out.write(packer.compress(numbers.view("u1").T.tobytes()))

@@ -156,9 +156,9 @@ class _FreeNetwork:
         order = 6 + reverse_cuthill_mckee(scaled[6:, 6:], symmetric_mode=True)
         entry = scaled[order][:, order].tocoo()
         below, lower = entry.row - entry.col, entry.row >= entry.col
-        band = np.zeros((below.max() + 1, len(order)))
+        band = np.zeros((below.max() + 1, len(order)), order="F")  # which LAPACK overwrites in place
         band[below[lower], entry.col[lower]] = entry.data[lower]
-        return order, cholesky_banded(band, lower=True)
+        return order, cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False)
 
 
 BEHIND = 0.5      # of its radius: the gap of a sub-sphere that lies behind a face

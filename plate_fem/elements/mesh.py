@@ -122,7 +122,8 @@ def _weighted(functions: Functions, points_m: np.ndarray, weight: np.ndarray, de
 
 @dataclass(frozen=True)
 class Products:
-    """Each function along x times each along y; `number` (along_x.size, along_y.size) is that of their product."""
+    """Each function along x times each along y; `number` (along_x.size, along_y.size) is that of their product, in 32
+    bits, so that sparse matrices take a third less room."""
 
     along_x: Functions
     along_y: Functions
@@ -147,7 +148,7 @@ class Products:
         number_y, value_y = self.along_y.at(points[:, 1], derivative[1])
         columns = self.number[number_x[:, :, None], number_y[:, None, :]]
         values = value_x[:, :, None] * value_y[:, None, :]
-        start = np.arange(len(points) + 1) * (number_x.shape[1] * number_y.shape[1])
+        start = np.arange(len(points) + 1, dtype=np.int32) * (number_x.shape[1] * number_y.shape[1])
         return sp.csr_array((values.ravel(), columns.ravel(), start), shape=(len(points), self.size))
 
 
@@ -160,8 +161,8 @@ def bicubics(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> Products:
     """Return the bicubics with continuous slopes, numbered in the blocks w, w_x, w_y, w_xy at the nodes, each in the
     order of the nodes."""
     n_x, n_y = len(lines_x_m), len(lines_y_m)
-    number = np.arange(4 * n_x * n_y).reshape(2, 2, n_x, n_y).transpose(1, 2, 0, 3).reshape(2 * n_x, 2 * n_y)
-    return Products(smooth_cubics(lines_x_m), smooth_cubics(lines_y_m), number)
+    number = np.arange(4 * n_x * n_y, dtype=np.int32).reshape(2, 2, n_x, n_y).transpose(1, 2, 0, 3)
+    return Products(smooth_cubics(lines_x_m), smooth_cubics(lines_y_m), number.reshape(2 * n_x, 2 * n_y))
 
 
 def deflections(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> Products:
@@ -176,7 +177,8 @@ def rotations(lines_x_m: np.ndarray, lines_y_m: np.ndarray) -> tuple[Products, P
 
 
 def _products(along_x: Functions, along_y: Functions) -> Products:
-    return Products(along_x, along_y, np.arange(along_x.size * along_y.size).reshape(along_x.size, along_y.size))
+    number = np.arange(along_x.size * along_y.size, dtype=np.int32)
+    return Products(along_x, along_y, number.reshape(along_x.size, along_y.size))
 
 
 def integral(

@@ -14,7 +14,9 @@ far coarser than that of bending. With ribs it stretches wherever it bends, on t
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -74,7 +76,7 @@ class InPlane:
             inertia = whole * (plate.size_m[0]**2 + plate.size_m[1]**2) / 12
             return sp.csr_array((3, 3)), sp.diags_array([whole, whole, inertia], format="csr")
         stiffness = stiff / (1 - plate.poisson_ratio**2) * strain_energy(*u, plate.poisson_ratio)
-        return sp.csr_array(stiffness), sp.block_diag([mass * integral(one, one) for one in u], format="csr")
+        return sp.csr_array(stiffness), one_after_the_other([mass * integral(one, one) for one in u])
 
 
 def strain_energy(u: Products, v: Products, poisson_ratio: float) -> sp.csr_array:
@@ -83,7 +85,7 @@ def strain_energy(u: Products, v: Products, poisson_ratio: float) -> sp.csr_arra
     u_x, u_y, v_x, v_y = (integral(one, one, by, by) for one in (u, v) for by in ((1, 0), (0, 1)))
     twist = (1 - poisson_ratio) / 2  # times (u_y + v_x)^2
     mixed = poisson_ratio * integral(u, v, (1, 0), (0, 1)) + twist * integral(u, v, (0, 1), (1, 0))
-    return sp.csr_array(sp.block_array([[u_x + twist * u_y, mixed], [mixed.T, v_y + twist * v_x]]))
+    return _joined(u_x + twist * u_y, mixed, v_y + twist * v_x)
 
 
 def in_plane(plate: FlexiblePlate) -> InPlane:
@@ -199,8 +201,7 @@ def assemble(plate: FlexiblePlate) -> tuple[PlateSystem, sp.csr_array, sp.csr_ar
     stiffness, mass = _kirchhoff(plate, w) if theta is None else _mindlin(plate, w, theta)
     held = [_held_by_edges(w, theta, plate.edges)]
     inside = in_plane(plate)
-    stiffness, mass = (sp.block_diag(both, format="csr") for both in
-                       zip((stiffness, mass), inside.matrices(), strict=True))
+    stiffness, mass = (one_after_the_other(both) for both in zip((stiffness, mass), inside.matrices(), strict=True))
     if not sways(plate):
         held.append(stiffness.shape[0] - inside.size + np.arange(inside.size))
     return (PlateSystem(plate, theory, w.along_x.lines_m, w.along_y.lines_m, np.concatenate(held), w, theta, inside),
@@ -211,6 +212,19 @@ def grown(matrix: sp.csr_array, size: int) -> sp.csr_array:
     """Append rows and columns of zeros to a square matrix."""
     start = np.append(matrix.indptr, np.full(size - matrix.shape[0], matrix.indptr[-1]))
     return sp.csr_array((matrix.data, matrix.indices, start), shape=(size, size))
+
+
+def one_after_the_other(blocks: Sequence[sp.csr_array]) -> sp.csr_array:
+    """Return the matrix of square blocks along its diagonal, in a fraction of the time that sp.block_diag takes."""
+    end = list(itertools.accumulate(block.shape[0] for block in blocks))
+    placed = [(block.data, block.indices + (last - block.shape[0]), block.indptr)
+              for block, last in zip(blocks, end, strict=True)]
+    return sp.csr_array(sp.vstack([sp.csr_array(one, shape=(len(one[2]) - 1, end[-1])) for one in placed]))
+
+
+def _joined(first: sp.csr_array, mixed: sp.csr_array, second: sp.csr_array) -> sp.csr_array:
+    """Return the symmetric matrix [[first, mixed], [mixed.T, second]]."""
+    return sp.csr_array(sp.vstack([sp.hstack([first, mixed]), sp.hstack([mixed.T.tocsr(), second])]))
 
 
 def without_rounding(matrix: sp.csr_array) -> sp.csr_array:
@@ -242,10 +256,9 @@ def _mindlin(plate: FlexiblePlate, w: Products, theta: tuple[Products, Products]
     values = [integral(one, one) for one in theta]
     k_ww = shear * (integral(w, w, (1, 0), (1, 0)) + integral(w, w, (0, 1), (0, 1)))
     k_wt = -shear * sp.hstack([integral(w, one, by) for one, by in zip(theta, ((1, 0), (0, 1)), strict=True)])
-    k_tt = bending * strain_energy(*theta, nu) + shear * sp.block_diag(values, format="csr")
-    stiffness = sp.block_array([[k_ww, k_wt], [k_wt.T, k_tt]], format="csr")
+    k_tt = bending * strain_energy(*theta, nu) + shear * one_after_the_other(values)
     rotary = [mass_per_area * t**2 / 12 * one for one in values]
-    return stiffness, sp.block_diag([mass_per_area * integral(w, w), *rotary], format="csr")
+    return _joined(k_ww, k_wt, k_tt), one_after_the_other([mass_per_area * integral(w, w), *rotary])
 
 
 def _held_by_edges(w: Products, theta: tuple[Products, Products] | None, edges: str) -> np.ndarray:

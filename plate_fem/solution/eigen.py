@@ -128,13 +128,14 @@ def _lanczos(part: Part, mass: sp.csr_array, count: int) -> tuple[np.ndarray, np
     basis = np.empty((len(part.number), 2 * due), order="F")
     projected = np.zeros((2 * due, 2 * due))  # the inverse on the basis, above the diagonal
     nothing, start = basis[:, :0], np.random.default_rng(1).standard_normal((len(part.number), BLOCK))
-    block = _orthonormal(start, mass, nothing, nothing)[0]
+    block, heavy, _ = _orthonormal(start, mass @ start, mass, nothing, nothing)
     for old in range(0, min(2 * due, most) - BLOCK, BLOCK):
         end, last = old + BLOCK, slice(max(0, old - BLOCK), old + BLOCK)
         basis[:, old:end] = block
-        block = part.inverse.solve(mass @ block)
-        projected[last, old:end] = basis[:, last].T @ (mass @ block)
-        block, rest = _orthonormal(block, mass, basis[:, last], basis[:, :end])
+        block = part.inverse.solve(heavy)
+        heavy = mass @ block
+        projected[last, old:end] = basis[:, last].T @ heavy
+        block, heavy, rest = _orthonormal(block, heavy, mass, basis[:, last], basis[:, :end])
         if end < due:
             continue
         found, combination = np.linalg.eigh(projected[:end, :end], UPLO="U")
@@ -145,15 +146,19 @@ def _lanczos(part: Part, mass: sp.csr_array, count: int) -> tuple[np.ndarray, np
     raise RuntimeError(f"{count} modes did not converge")
 
 
-def _orthonormal(block: np.ndarray, mass: sp.csr_array, *bases: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _orthonormal(block: np.ndarray, heavy: np.ndarray, mass: sp.csr_array,
+                 *bases: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return vectors (n, k) that are orthonormal in the mass among themselves, after one basis after the other was
-    taken out of them, and the matrix (k, k) by which they give what is left of `block`."""
+    taken out of them, and the matrix (k, k) by which they give what is left of `block`. `heavy`, which is returned in
+    the middle, is mass @ block."""
     factors = np.eye(block.shape[1])
     for basis in bases:
-        block = block - basis @ (basis.T @ (mass @ block))
-        upper = np.linalg.cholesky(block.T @ (mass @ block)).T
-        block, factors = block @ np.linalg.inv(upper), upper @ factors
-    return block, factors
+        block = block - basis @ (basis.T @ heavy)
+        heavy = mass @ block
+        upper = np.linalg.cholesky(block.T @ heavy).T
+        inverse = np.linalg.inv(upper)
+        block, heavy, factors = block @ inverse, heavy @ inverse, upper @ factors
+    return block, heavy, factors
 
 
 def factor(matrix: sp.csc_array | sp.csr_array) -> SuperLU:

@@ -35,7 +35,7 @@ from common.scene.plate import FlexiblePlate
 from plate_fem.elements import ribs, rods
 from plate_fem.elements.mesh import Products, highest_frequency_Hz
 from plate_fem.elements.rods import PARTS
-from plate_fem.elements.system import PlateSystem, assemble, grown, without_rounding
+from plate_fem.elements.system import PlateSystem, assemble, grown, one_after_the_other, without_rounding
 from plate_fem.solution.eigen import Part, independent_parts, solve_static
 
 
@@ -66,10 +66,10 @@ def build_model(plate: FlexiblePlate) -> PlateModel:
     parts = [part for rod in plate.rods for part in rods.attach(system, rod, highest_frequency_Hz(plate))]
     rod_force, size = sp.csr_array((0, system.size)), system.size
     if parts:
-        tie, of_parts = rods.tie(parts), sp.block_diag([part.stiffness for part in parts], format="csr")
+        tie, of_parts = rods.tie(parts), one_after_the_other([part.stiffness for part in parts])
         size = tie.shape[1]
         stiffness = grown(stiffness, size) + tie.T @ of_parts @ tie
-        mass = grown(mass, size) + tie.T @ sp.block_diag([part.mass for part in parts], format="csr") @ tie
+        mass = grown(mass, size) + tie.T @ one_after_the_other([part.mass for part in parts]) @ tie
         start = np.cumsum([0, *(part.stiffness.shape[0] for part in parts)])
         bases = [first + bar.held[0] for first, bar in zip(start[:-1:PARTS], parts[::PARTS], strict=True)]
         rod_force = -of_parts[bases] @ tie  # axial, at the base, tension positive
@@ -82,7 +82,7 @@ def build_model(plate: FlexiblePlate) -> PlateModel:
 
 def _in_blocks(matrix: sp.csr_array, blocks: list[tuple[sp.csr_array, sp.csr_array]]) -> sp.csc_array:
     """Return a symmetric matrix (size, size) over the free unknowns: its blocks one after the other."""
-    by_rows = sp.block_diag([without_rounding(rows @ matrix @ basis) for rows, basis in blocks], format="csr")
+    by_rows = one_after_the_other([without_rounding(rows @ matrix @ basis) for rows, basis in blocks])
     narrow = (by_rows.data, by_rows.indices.astype(np.int32), by_rows.indptr.astype(np.int32))  # a third less room
     return sp.csc_array(narrow, shape=by_rows.shape)  # symmetric, so that its rows are its columns
 

@@ -35,7 +35,10 @@ class CentreModes(PlateModes):
 
     def grid(self, spacing_m):
         axis = self.lines_x_m[-1] * 1e-4 * np.arange(-4, 5)
-        return axis, axis, np.ones((9, 9, 1)) * self.nodal[0, len(self.nodal[0]) // 2]
+        return axis, axis
+
+    def shapes_at(self, points_m):
+        yield np.ones((len(points_m), 1)) * self.nodal[0, len(self.nodal[0]) // 2]
 
 
 def navier_modes(length, thickness, material, max_frequency_Hz):

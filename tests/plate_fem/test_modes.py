@@ -6,7 +6,7 @@ from plates import four_rods, plate, rod
 
 from common.tables import Refused
 from plate_fem import modes as modes_module
-from plate_fem.elements.mesh import bicubics
+from plate_fem.elements.mesh import bicubics, nodes
 from plate_fem.elements.rods import disc_quadrature, joint_of
 from plate_fem.modes import plate_modes, table_hash
 from plate_fem.solution import eigen, model
@@ -28,7 +28,7 @@ def test_shapes_at_nodes_and_cells(modes):
 
 
 def test_grid_is_the_shape_and_goes_on_smoothly_beyond_the_edge(modes):
-    x, y, shape = modes.grid(0.003)
+    x, y, shape = _on_grid(modes, 0.003)
     h = x[1] - x[0]
     assert h <= 0.003
     assert x[2] == pytest.approx(-0.25)
@@ -42,11 +42,16 @@ def test_grid_is_the_shape_and_goes_on_smoothly_beyond_the_edge(modes):
 
 
 def test_four_point_interpolation_on_the_grid(modes):
-    x, y, shape = modes.grid(0.004)
+    x, y, shape = _on_grid(modes, 0.004)
     rng = np.random.default_rng(2)
     points = rng.uniform(-0.25, 0.25, (200, 2))
     found = np.array([_lagrange(x, y, shape, p) for p in points])
     assert abs(found - modes.shape_at(points)).max() < 1e-5 * abs(shape).max()
+
+
+def _on_grid(modes, spacing_m):
+    x, y = modes.grid(spacing_m)
+    return x, y, modes.shape_at(nodes(x, y)).reshape(len(x), len(y), -1)
 
 
 def _lagrange(x, y, shape, point):

@@ -15,6 +15,7 @@ namespace LAMMPS_NS {
 namespace {
 const char FORMAT[] = "shapes 2";  // another one where the same numbers mean something else
 const double MOST_PACKED = 1100;  // bytes in one of zlib, of which it says 1032
+const int AT_ONCE = 8;  // shapes, whose numbers at a point fill a line of the processor's cache
 
 // The rest of a file that zlib packed, piece by piece.
 class Unpacker {
@@ -85,15 +86,18 @@ bool PlateShapes::read(FILE *in) {
   std::fseek(in, start, SEEK_SET);
   const long long points = nx_ * ny_;
   shape_.resize(points * numbers());
-  std::vector<unsigned char> bytes(8 * points);
+  std::vector<unsigned char> bytes;
   Unpacker unpacker(in);
   unsigned char number[8];
-  for (long long k = 0; k < numbers(); k++) {
+  for (int first = 0; first < numbers(); first += AT_ONCE) {
+    const int some = std::min(AT_ONCE, numbers() - first);
+    bytes.resize(8 * points * some);
     if (!unpacker.read(bytes)) return false;
-    for (long long point = 0; point < points; point++) {
-      for (int b = 0; b < 8; b++) number[b] = bytes[b * points + point];
-      std::memcpy(&shape_[point * numbers() + k], number, 8);
-    }
+    for (long long point = 0; point < points; point++)
+      for (int k = 0; k < some; k++) {
+        for (int b = 0; b < 8; b++) number[b] = bytes[(8 * k + b) * points + point];
+        std::memcpy(&shape_[point * numbers() + first + k], number, 8);
+      }
   }
   return unpacker.at_end();
 }
