@@ -32,6 +32,7 @@ from recognition.physics.arrangement_likelihood import (
 from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.physics.force_law import ForceLaw, force_law, law_of
 from recognition.physics.force_records import Fall, ForceRecord
+from recognition.physics.near_record import NearRecord
 
 PLACES_M = 0.06 * np.array([[1, 0], [0.3, 0.95], [-0.8, 0.6], [-0.8, -0.6], [0.3, -0.95]])
 STEP_s, SAMPLE_s, SAMPLES = 1e-5, 5e-5, 60
@@ -178,6 +179,20 @@ def test_the_law_of_records_against_a_naive_twin(shift, anti_alias):
     law = model.law_at(shift)
     assert law.response == pytest.approx(response, abs=1e-12)
     assert law.covariance == pytest.approx(covariance, abs=1e-12)
+
+
+def test_a_record_near_its_numbers_against_differences_and_the_whole_determinant():
+    """Slopes of chi-square by each u and a, where some signals and responses are anything."""
+    rng, noise = np.random.default_rng(6), np.array([0.3, 0.1])
+    record, response, numbers = rng.standard_normal(30), rng.standard_normal((30, 2, 3)), rng.standard_normal((2, 3))
+    near = NearRecord._at(record, response, numbers, 0.0)
+    for k, step in enumerate(1e-5 * np.eye(6).reshape(6, 2, 3)):
+        ends = [NearRecord._at(record, response, numbers + side * step, 0.0).chi_square for side in (1, -1)]
+        assert near.pull[k] == pytest.approx((ends[1] - ends[0]) / 4e-5, rel=1e-6)
+    model = small_model(rng)
+    covariance = naive_law(model, 1.0)[1] + np.diag(np.repeat(model.residual**2 + noise**2, model.samples))
+    found = model._near(rng.standard_normal((2, model.samples)), noise, np.arange(2), 1.0)
+    assert found.log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1])
 
 
 def on_a_grid(model, x, noise, shift, speed=3.0, nodes=301):
@@ -340,6 +355,14 @@ def test_a_law_of_few_stones_is_wider_by_the_error_of_their_mean():
         law = law_of(forces, [np.zeros(4)] * 2, [count] * 2, 1e-5, 3.0)
         assert law.covariance[:, 0, 0] == pytest.approx(0.01 * (1 + 1 / count))
         assert law.mean[:, 0] == pytest.approx(np.array([[0.0, 0.0], [1.0, 0.0]]), abs=1e-9)
+
+
+def test_the_rest_is_that_of_both_materials():
+    """Coal whose forms scatter and gangue whose do not, and the other way round."""
+    noisy = 1 + 0.1 * np.random.default_rng(0).standard_normal((40, 6))
+    forces, still, counts = noisy * [1, 2, 3, 3, 2, 1], np.tile([1.0, 2, 3, 3, 2, 1], (40, 1)), [40, 40]
+    law, turned = (law_of(list(pair), [np.zeros(40)] * 2, counts, 1e-5, 3.0) for pair in ((forces, still), (still, forces)))
+    assert np.diag(law.rest).max() > 1e-3 and law.rest == pytest.approx(turned.rest, rel=1e-9)
 
 
 def test_saved_and_read(method):
