@@ -61,15 +61,13 @@ class StressPeak:
         above = ((np.abs(amplitude) @ self._largest.T) ** 2 > self._best[:, 0]).any(axis=1)
         if not above.any():
             return
-        stress = np.moveaxis(self._modes.surface_stress, 1, 0) @ np.asarray(amplitude[above].T, np.float32)
-        sx, sy, txy = stress
+        sx, sy, txy = np.moveaxis(surface_stress(self._modes, amplitude[above].T), 1, 0)
         squared = sx * (sx - sy) + sy**2 + 3 * txy**2
         for best, nodes in zip(self._best, self._nodes, strict=True):
             if len(nodes):
                 node, k = np.unravel_index(squared[nodes].argmax(), (len(nodes), squared.shape[1]))
-                largest = von_mises(stress[:, nodes[node], k].astype(float)) ** 2
-                if largest > best[0]:
-                    best[:] = largest, nodes[node], t_s[above][k]
+                if squared[nodes[node], k] > best[0]:
+                    best[:] = squared[nodes[node], k], nodes[node], t_s[above][k]
 
     def get_state(self) -> dict[str, np.ndarray]:
         """Return a copy of the state, for `set_state`."""

@@ -108,9 +108,8 @@ def force_statistics(X: Sequence[PlateRecord], groups: Floats) -> tuple[ForceSta
     left = [one - force.sampled[:, :samples] for one, force in zip(signals, forces, strict=True)]
     residual = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
     deviation_m = np.sqrt(np.mean([np.square(force.touch_m - force.fall.place_m) for force in forces]))
-    return ForceStatistics(X[chosen[0]].names, law, samples, scale,
-                           np.hypot(residual, LEAST_RESIDUAL), _mean_and_deviation(damping),
-                           (float(speed.min()), float(speed.max())), float(deviation_m),
+    return ForceStatistics(X[chosen[0]].names, law, samples, scale, np.hypot(residual, LEAST_RESIDUAL),
+                           _mean_and_deviation(damping), (float(speed.min()), float(speed.max())), float(deviation_m),
                            own), forces[0]
 
 
@@ -138,9 +137,8 @@ def model_on(statistics: ForceStatistics, record: ForceRecord) -> ArrangementMod
         scatter.append(deviation_m * response_to(slope, _forces(record, mean_force.mean(axis=0))))
     return ArrangementModel(statistics.names, statistics.scale, statistics.residual, record.step_s, record.stride,
                             statistics.samples, hat, steps_per_bin(record), statistics.law, scatter,
-                            plate.model_dump_json(),
-                            record.fall.place_m, deviation_m, statistics.damping_ratio[1], statistics.own_falls,
-                            *statistics.speed_m_s, record.anti_alias)
+                            plate.model_dump_json(), record.fall.place_m, deviation_m, statistics.damping_ratio[1],
+                            statistics.own_falls, *statistics.speed_m_s, record.anti_alias)
 
 
 def told(model: ArrangementModel, fall: Fall) -> ArrangementModel:

@@ -82,14 +82,19 @@ class ForceLaw:
     @property
     def of_any(self) -> tuple[Floats, Floats]:
         """Mean (k,) and covariance (k, k) of the weights of a stone that is coal or gangue, both as likely."""
-        mean, covariance = self.weights
-        half = (mean[1] - mean[0]) / 2
-        return mean.mean(axis=0), covariance.mean(axis=0) + np.outer(half, half)
+        return of_either(*self.weights)
 
     @property
     def mean_force(self) -> Floats:
         """(2, bins): of coal and of gangue at the middle speed, N."""
         return np.asarray(self.weights[0] @ self.forms)
+
+
+def of_either(mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+    """Mean (k,) and covariance (k, k) of what is one of two, both as likely, by their means (2, k) and covariances
+    (2, k, k)."""
+    half = (mean[1] - mean[0]) / 2
+    return mean.mean(axis=0), covariance.mean(axis=0) + np.outer(half, half)
 
 
 def hats(width: int, steps: int, count: int) -> Floats:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recognition.estimation.arrays import Floats, Integers
-from recognition.physics.force_law import ForceLaw
+from recognition.physics.force_law import ForceLaw, of_either
 
 STEPS, SETTLED, LARGEST_STEP = 20, 1e-2, 0.7  # how many at most, steps that end them, and the largest of any number
 
@@ -36,9 +36,8 @@ class NearRecord:
         """Of a record (d,) and the responses (d, stones, k) to the forms of the force on each place, in units of what
         no number explains."""
         stones = response.shape[1]
-        half = (law.mean[1, 0] - law.mean[0, 0]) / 2
-        precision = np.linalg.inv(law.covariance.mean(axis=0) + np.outer(half, half))
-        mean = np.tile(law.mean[:, 0].mean(axis=0), (stones, 1))
+        of_one, covariance = of_either(law.mean[:, 0], law.covariance)
+        mean, precision = np.tile(of_one, (stones, 1)), np.linalg.inv(covariance)
         numbers, every = mean, np.kron(np.eye(stones), precision)
         for _ in range(STEPS):
             found = cls._at(record, response, numbers, log_determinant)
