@@ -50,20 +50,6 @@ MISFIT = "misfit of the plate's model"
 DISTANCES = (MISFIT, "another impact speed explains it better")
 #: Log likelihood ratio of a speed outside the training that counts as a distance of 1: twenty times as likely.
 REFERENCE_LOG_RATIO = 3.0
-#: Names of the distances of a record from the training, in the order of `distances`.
-DISTANCES = (MISFIT, "another impact speed explains it better")
-#: Log likelihood ratio of a speed outside the training that counts as a distance of 1: twenty times as likely.
-REFERENCE_LOG_RATIO = 3.0
-#: Gauss and Newton's steps, and those of u and a that end them; the largest step of u; arrangements whose likelihood is
-#: e^-FAR of the best take the first step alone.
-STEPS, SETTLED, LARGEST_STEP, FAR = 20, 1e-2, 0.7, 8.0
-#: Names of the distances of a record from the training, in the order of `distances`.
-DISTANCES = (MISFIT, "another impact speed explains it better")
-#: Log likelihood ratio of a speed outside the training that counts as a distance of 1: twenty times as likely.
-REFERENCE_LOG_RATIO = 3.0
-#: Gauss and Newton's steps with all arrangements, and with those whose likelihood is not e^-FAR of the best; the steps
-#: of u and a that end them, and the largest of u.
-FIRST_STEPS, FAR, STEPS, SETTLED, LARGEST_STEP = 3, 30.0, 12, 1e-2, 0.7
 
 
 @dataclass(frozen=True)
@@ -107,10 +93,12 @@ def arrangements(stones: int) -> tuple[Integers, Integers, Floats]:
 @dataclass(frozen=True)
 class RecordLaw:
     """Law of records that begin at one moment; d = channels x samples. response (d, stones, k): to each form of the
-    force on each place; covariance (d, d): of e without the sensors' noise and the residual."""
+    force on each place; rest, scatter (d, d): covariance of what the law leaves of the forces, and of what is not known
+    of plate and places under mean forces."""
 
     response: Floats
-    covariance: Floats
+    rest: Floats
+    scatter: Floats
 
 
 @dataclass(frozen=True)
@@ -195,10 +183,9 @@ class ArrangementModel:
         unit = _sampled(hat, delayed.ravel()).reshape(-1, delayed.shape[1], self.stones)
         unit = np.ascontiguousarray(unit.swapaxes(1, 2))  # (channels x samples, stones, bins)
         response, root = unit @ self.law.forms.T, np.linalg.cholesky(self.law.rest)
-        parts = [(unit @ root).reshape(len(unit), -1)]
-        parts += [_sampled(one, rows).reshape(len(unit), -1) for one in scatter]
-        every = np.concatenate(parts, axis=1)
-        return RecordLaw(response, every @ every.T)
+        rest = (unit @ root).reshape(len(unit), -1)
+        every = np.concatenate([rest[:, :0], *(_sampled(one, rows).reshape(len(unit), -1) for one in scatter)], axis=1)
+        return RecordLaw(response, rest @ rest.T, every @ every.T)
 
     def _speeds_m_s(self) -> Floats:
         speeds = np.linspace(self.low_m_s * (1 - BEYOND), self.high_m_s * (1 + BEYOND), SPEEDS)
@@ -221,7 +208,7 @@ class ArrangementModel:
         means, covariance = np.stack([self.law.mean_at(speed) for speed in speeds.tolist()]), self.law.covariance
         chi_square, volume = map(np.array, zip(*(one.integrals(means, covariance, which) for one in near), strict=True))
         likely = chi_square[:, inside]
-        costs = likely + volume[:, None] + np.array([one.log_determinant for one in near])[:, None, None]
+        costs = likely + volume[:, inside] + np.array([one.log_determinant for one in near])[:, None, None]
         best = int(np.argmin(costs.min(axis=(1, 2))))
         nearest, anywhere = float(likely[best].min()), float(chi_square[best].min())
         # Tempering: where even the best arrangement fits worse than the covariance allows, all are held to be less
@@ -242,21 +229,27 @@ class ArrangementModel:
         best = min(near, key=least)
         return np.clip(best + FINE, -latest, latest)
 
-    def _chosen(self, x: Floats, noise: Floats, rows: Integers, shift: float) -> tuple[Floats, Floats]:
-        """Responses (d, stones, k) in the channels of a record, and covariance (d, d) of e."""
+    def _chosen(self, noise: Floats, rows: Integers, shift: float, power: float) -> tuple[Floats, Floats]:
+        """Responses (d, stones, k) in the channels of a record, and covariance (d, d) of e under forces of so many
+        times the power of mean forces."""
         law = self.law_at(shift)
         chosen = (rows[:, None] * self.samples + np.arange(self.samples)).ravel()
         variance = np.repeat(self.residual[rows] ** 2 + noise**2, self.samples)
-        return law.response[chosen], law.covariance[np.ix_(chosen, chosen)] + np.diag(variance)
+        return law.response[chosen], (law.rest + power * law.scatter)[np.ix_(chosen, chosen)] + np.diag(variance)
 
     def _near(self, x: Floats, noise: Floats, rows: Integers, shift: float) -> NearRecord:
-        response, covariance = self._chosen(x, noise, rows, shift)
-        white, log_determinant = _white(np.column_stack([x.ravel(), response.reshape(x.size, -1)]), covariance)
-        return NearRecord.of(white[:, 0], white[:, 1:].reshape(response.shape), self.law, log_determinant)
+        """With the scatter under mean forces, and then under those that explain the record best."""
+        middle, power = self.law.of_any[0][0], 1.0
+        for _ in range(2 if self.scatter else 1):
+            response, covariance = self._chosen(noise, rows, shift, power)
+            white, log_determinant = _white(np.column_stack([x.ravel(), response.reshape(x.size, -1)]), covariance)
+            near = NearRecord.of(white[:, 0], white[:, 1:].reshape(response.shape), self.law, log_determinant)
+            power = float(np.mean(np.exp(2 * near.numbers[:, 0])) / middle**2)
+        return near
 
     def _cost_of_any(self, x: Floats, noise: Floats, rows: Integers, shift: float) -> float:
         """Minus twice the logarithm of the likelihood where nobody asks which stones are gangue."""
-        response, covariance = self._chosen(x, noise, rows, shift)
+        response, covariance = self._chosen(noise, rows, shift, 1.0)
         mean, of_weights = self.law.of_any
         scattered = (response @ np.linalg.cholesky(of_weights)).reshape(x.size, -1)
         off = x.ravel() - (response @ mean).sum(axis=1)

@@ -158,11 +158,20 @@ def test_the_law_of_records_against_a_naive_twin(shift, anti_alias):
     response, covariance = naive_law(model, shift)
     law = model.law_at(shift)
     assert law.response == pytest.approx(response, abs=1e-12)
-    assert law.covariance == pytest.approx(covariance, abs=1e-12)
-    noise = np.array([0.3, 0.1])
-    found = model._near(np.ones((2, model.samples)), noise, np.arange(2), shift)
-    whole = covariance + np.diag(np.repeat(model.residual**2 + noise**2, model.samples))
-    assert found.log_determinant == pytest.approx(np.linalg.slogdet(whole)[1])
+    assert law.rest + law.scatter == pytest.approx(covariance, abs=1e-12)
+
+
+def test_what_is_not_known_of_the_plate_scatters_as_the_forces_that_are_heard():
+    """Stones three times as strong as a mean one, and as strong, that are heard well."""
+    model, noise, shift = well_told(small_model(np.random.default_rng(8), samples=20)), np.array([0.01, 0.01]), 1.0
+    response, _ = naive_law(model, shift)
+    without = naive_law(replace(model, scatter=[]), shift)[1]
+    scatter = naive_law(model, shift)[1] - without
+    for size in (3.0, 1.0):
+        x = size * model.law.of_any[0][0] * response[:, :, 0].sum(axis=1).reshape(2, -1)
+        found = model._near(x, noise, np.arange(2), shift)
+        whole = without + size**2 * scatter + np.diag(np.repeat(model.residual**2 + noise**2, model.samples))
+        assert found.log_determinant == pytest.approx(np.linalg.slogdet(whole)[1], abs=0.5)
 
 
 def on_a_grid(model, x, noise, shift, speed=3.0, nodes=301):
@@ -213,7 +222,7 @@ def shares(logs, temperature=1.0):
 def test_against_the_integral_of_every_arrangement(off, tempered, speed, stones, forms):
     """Also a record that no arrangement explains: then all are held to be less certain."""
     rng, shift, noise = np.random.default_rng(4), 2.5, np.array([0.02, 0.02])
-    model = well_told(small_model(rng, stones, samples=20, forms=forms))
+    model = well_told(small_model(rng, stones, samples=20, scatter=0, forms=forms))
     x = (naive_law(model, shift)[0].reshape(40, 2) @ ([0.8, 1.7] if forms == 1 else [1.2, 0.3])).reshape(2, -1)
     x = x + off * rng.standard_normal(x.shape)
     logs, least = on_a_grid(model, x, noise, shift, speed)
@@ -295,7 +304,7 @@ def test_where_stones_touch_scatters_records_along_both_axes():
     X, _ = draw(8, 9, scatter=0.0)
     statistics, forces = force_statistics(X, np.arange(8))
     model = model_on(replace(statistics, place_deviation_m=1e-3), forces)
-    added = model.law_at(0.0).covariance - replace(model, scatter=[]).law_at(0.0).covariance
+    added = model.law_at(0.0).scatter
     modes, mean_N = modes_of(0.008), 1.5 * forces_N(np.zeros(5), 1.0, 3.0)[:, :1]
     expected = np.zeros_like(added)
     for place in PLACES_M:
