@@ -1,8 +1,6 @@
 """The commands: the function that each calls, the arguments that become those of the function, the parser of them, and
 the script by which shells complete them."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What the commands on models of recognition answer: `fit`, `recognise` and `evaluate`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

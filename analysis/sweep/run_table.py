@@ -1,7 +1,5 @@
 """From runs to a table: a row a run with the keys of the scene that vary and the results, or a row a stone."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -13,8 +13,6 @@ P is the force at the largest compression, as the paper takes it. The damped for
 and higher (1.42 times at e = 0.5): see `analysis.theory.impact`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, TypeVar
 

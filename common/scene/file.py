@@ -1,7 +1,5 @@
 """The tables of a scene file: what it takes from the scene that it begins from, and materials by their names."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ A key is a field with its type, its bounds and, by `about`, its meaning and what
 and docs/scene.md are written from that: `python -m lab.scene_schema`.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

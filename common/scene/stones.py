@@ -5,8 +5,6 @@ drawn from distributions (`[stones.drawn]`), which are a stream where they come 
 makes one list of them.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np

@@ -12,8 +12,6 @@ changed scene gives new directories, an unchanged one is found finished, and eac
 recognition read as they read any other.
 """
 
-from __future__ import annotations
-
 import itertools
 import logging
 import sys

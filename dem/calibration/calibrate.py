@@ -16,8 +16,6 @@ measured on packings that took no part in the fit, and beside it what was not fi
 under a confining pressure. docs/calibration.md has the results.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable

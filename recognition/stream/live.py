@@ -1,7 +1,5 @@
 """The command `listen` on samples as they come: what is heard is told at once, a line of JSON each."""
 
-from __future__ import annotations
-
 import ctypes
 import json
 import logging

@@ -1,7 +1,5 @@
 """Statements of Section III on breakage."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from report.missing import MissingResult

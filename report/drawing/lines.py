@@ -1,7 +1,5 @@
 """What many chapters draw: curves over time, thinned to what a screen can show, and values against the mixing ratio."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

@@ -1,7 +1,5 @@
 """The figures of the plate's response: Figures 16 to 21 of the paper."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

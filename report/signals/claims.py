@@ -1,7 +1,5 @@
 """Statements of Section IV: time-frequency parameters of the acceleration."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

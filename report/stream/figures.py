@@ -1,7 +1,5 @@
 """The figures of a stream: what the plate felt, what fell over time, its pieces, and what was heard of it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter

@@ -1,7 +1,5 @@
 """Peak forces by the paper's theory of four contact states (Section II, Figures 9 and 10)."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np
