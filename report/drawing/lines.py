@@ -4,16 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from report.drawing.style import (
-    ACCENT,
-    COAL,
-    GANGUE,
-    PALE,
-    RATIO_LABEL,
-    add_ratio_bar,
-    canvas,
-    ratio_colours,
-)
+from report.drawing.style import ACCENT, COAL, GANGUE, PALE, RATIO_LABEL, add_ratio_bar, canvas, ratio_colours
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 

@@ -10,15 +10,7 @@ from matplotlib.figure import Figure
 from analysis import RecordError, Run
 from report.drawing.figure_spec import Drawn, figure
 from report.drawing.lines import against_ratio, curves, envelope
-from report.drawing.style import (
-    ACCENT,
-    STRESS_COLOURS,
-    bar_axes,
-    canvas,
-    hide_scales,
-    material_colour,
-    ratio_colours,
-)
+from report.drawing.style import ACCENT, STRESS_COLOURS, bar_axes, canvas, hide_scales, material_colour, ratio_colours
 from report.missing import MissingResult
 from report.sweep_results import SweepResults
 

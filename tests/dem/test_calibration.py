@@ -11,13 +11,7 @@ from scenes_of_tests import SCENES
 from common.scene.scene import BondTable, read_scene
 from common.tables import InputError, check, read_toml
 from dem.__main__ import main
-from dem.calibration.calibrate import (
-    CHECK_SEEDS,
-    TargetTable,
-    calibrate,
-    fit_strengths,
-    fracture_energy,
-)
+from dem.calibration.calibrate import CHECK_SEEDS, TargetTable, calibrate, fit_strengths, fracture_energy
 from dem.calibration.lab_sheet import TARGETS, find_sheet, scene_with
 from dem.calibration.virtual_tests import (
     LoadHistory,
