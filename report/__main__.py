@@ -1,8 +1,0 @@
-"""`python -m report COMMAND`: the commands of `gangue` that write pages."""
-
-from gangue.__main__ import door
-
-main = door("report")
-
-if __name__ == "__main__":
-    raise SystemExit(main())
