@@ -1,4 +1,4 @@
-"""Stress of the plate about the contacts of one instant: `python docs/pictures/contacts.py RUN PICTURE`; needs pyvista.
+"""Stress of the plate about the contacts of one instant: `python -m lab.pictures.contacts RUN PICTURE`; needs pyvista.
 
 Left the bending of the whole plate, right the patches of view.pvd about the contacts, at the instant of
 contacts.parquet with the largest force.
