@@ -12,8 +12,9 @@ import pytest
 from tests.robustness.small import ROOT, SCENES, below, is_alive, small_stone, start, wait_until, what_was_said
 
 LINE = "interrupted; what is finished stays, the same command goes on"
-COMMANDS = {"deck": ["SCENE", "--out", "OUT"], "modes": ["SCENE"], "features": ["nothing.csv"],
-            "evaluate": ["nowhere"], "report": ["nowhere"]}
+PROGRAMS = {"dem": ["deck", "SCENE", "--out", "OUT"], "plate_fem": ["modes", "SCENE"],
+            "analysis": ["features", "nothing.csv"], "recognition": ["evaluate", "nowhere"], "report": ["nowhere"],
+            "gangue": ["features", "nothing.csv"]}
 
 
 def numpy_is_loading(pid):
@@ -27,7 +28,7 @@ def numpy_is_loading(pid):
 def interrupt_at(name, tmp_path, delay_s):
     """Exit code, and how long the program went on after it had loaded numpy, s."""
     words = {"SCENE": SCENES / "paper.toml", "OUT": tmp_path / "out"}
-    process = start(name, *[words.get(word, word) for word in COMMANDS[name]], start_new_session=True)
+    process = start(name, *[words.get(word, word) for word in PROGRAMS[name]], start_new_session=True)
     while process.poll() is None and not numpy_is_loading(process.pid):
         time.sleep(0.005)
     loaded = time.monotonic()
@@ -45,7 +46,7 @@ def interrupt_at(name, tmp_path, delay_s):
     return process.returncode, went_on_s
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", PROGRAMS)
 def test_no_traceback_while_a_program_starts(tmp_path, name):
     assert interrupt_at(name, tmp_path, 0.01)[0] == 130  # a fast machine is done with the shortest in 0.05 s
 
@@ -72,7 +73,7 @@ def test_an_interrupt_after_the_end_changes_nothing():
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", PROGRAMS)
 def test_no_traceback_at_thirty_moments(tmp_path, name):
     rng = random.Random(name)
     # The second one finds caches and files in memory, as those that are interrupted do.
