@@ -24,29 +24,29 @@ help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 sweep: setup  ## every mixing ratio of SCENE into OUT, then OUT/report.html; OVERWRITE=1 replaces runs of another scene
-	$(PYTHON) -m gangue sweep '$(SCENE)' --out '$(OUT)' --jobs $(JOBS) $(if $(OVERWRITE),--overwrite)
-	$(PYTHON) -m gangue report '$(OUT)'
+	$(PYTHON) -m dem sweep '$(SCENE)' --out '$(OUT)' --jobs $(JOBS) $(if $(OVERWRITE),--overwrite)
+	$(PYTHON) -m report '$(OUT)'
 
 dataset: setup  ## hundreds of runs into runs/dataset, and every method of recognition on runs it was not trained on
-	$(PYTHON) -m gangue dataset scenes/dataset.toml --out runs/dataset --jobs $(JOBS)
-	$(PYTHON) -m gangue evaluate runs/dataset
+	$(PYTHON) -m dem dataset scenes/dataset.toml --out runs/dataset --jobs $(JOBS)
+	$(PYTHON) -m recognition evaluate runs/dataset
 
 natural: setup  ## draws of stones that vary into runs/natural, and the report of runs/paper with them
-	$(PYTHON) -m gangue dataset scenes/dataset_natural.toml --out runs/natural --jobs $(JOBS)
-	$(PYTHON) -m gangue report runs/paper
+	$(PYTHON) -m dem dataset scenes/dataset_natural.toml --out runs/natural --jobs $(JOBS)
+	$(PYTHON) -m report runs/paper
 
 campaign: setup .venv/campaign  ## every run of scenes/campaign.toml into runs/campaign, by Snakemake
-	$(PYTHON) -m gangue campaign scenes/campaign.toml --out runs/campaign --jobs $(JOBS)
+	$(PYTHON) -m dem campaign scenes/campaign.toml --out runs/campaign --jobs $(JOBS)
 
 stream: setup  ## scenes/stream.toml, a hundred stones on a tilted plate, and its report in runs/stream
-	$(PYTHON) -m gangue run scenes/stream.toml --out runs/stream/ratio_030
-	$(PYTHON) -m gangue report runs/stream
+	$(PYTHON) -m dem run scenes/stream.toml --out runs/stream/ratio_030
+	$(PYTHON) -m report runs/stream
 
 streams: setup  ## eighty-four streams of known truth for recognition into runs/streams
-	$(PYTHON) -m gangue dataset scenes/streams.toml --out runs/streams --jobs $(JOBS)
+	$(PYTHON) -m dem dataset scenes/streams.toml --out runs/streams --jobs $(JOBS)
 
 report: setup  ## the report again from the runs in OUT
-	$(PYTHON) -m gangue report '$(OUT)'
+	$(PYTHON) -m report '$(OUT)'
 
 # A file of tests stays in one process, so that what its tests share is made once. Programs that they start compile once.
 test: export PYTHONDONTWRITEBYTECODE :=
@@ -82,16 +82,16 @@ export NOISY
 TAPS := 0.11,0.07 -0.16,0.02 0.03,-0.17 -0.08,0.19
 
 recognise: setup  ## a stream is simulated, its plate tapped, its stones heard one by one: the ratio over time in runs/recognise
-	$(PYTHON) -m gangue run scenes/listening.toml --out runs/recognise/ratio_040
+	$(PYTHON) -m dem run scenes/listening.toml --out runs/recognise/ratio_040
 	@: > runs/recognise/taps.toml
 	for at in $(TAPS); do x=$${at%,*} y=$${at#*,}; \
-	  $(PYTHON) -m gangue run scenes/tap.toml --set "stones.positions_m=[[$$x,$$y]]" --out runs/recognise/tap_$$at || exit 1; \
+	  $(PYTHON) -m dem run scenes/tap.toml --set "stones.positions_m=[[$$x,$$y]]" --out runs/recognise/tap_$$at || exit 1; \
 	  printf '[[taps]]\nrecord = "tap_%s/fast.parquet"\nunknown_force = true\nplace_m = [%s, %s]\n' $$at $$x $$y >> runs/recognise/taps.toml; done
-	$(PYTHON) -m gangue tap scenes/listening.toml runs/recognise/taps.toml --out runs/recognise/plate.json --max-frequency 10000
+	$(PYTHON) -m recognition tap scenes/listening.toml runs/recognise/taps.toml --out runs/recognise/plate.json --max-frequency 10000
 	$(PYTHON) -c "$$NOISY" runs/recognise/ratio_040/fast.parquet runs/recognise/record.parquet
-	$(PYTHON) -m gangue listen runs/recognise/record.parquet --plate runs/recognise/plate.json --radius 0.025 0.025 --speed 2 4 \
+	$(PYTHON) -m recognition listen runs/recognise/record.parquet --plate runs/recognise/plate.json --radius 0.025 0.025 --speed 2 4 \
 	  --out runs/recognise/heard
-	$(PYTHON) -m gangue report runs/recognise
+	$(PYTHON) -m report runs/recognise
 
 forces: setup  ## what `listen` knows of stones, learnt anew from simulated ones; after any change of the rock
 	$(PYTHON) -m lab run stone_forces --out runs/stone_forces

@@ -1,4 +1,4 @@
-"""The command line: `gangue COMMAND`, also `python -m gangue COMMAND`.
+"""The command line: `gangue COMMAND`, and `python -m PACKAGE COMMAND` for the commands of a package.
 
 A command line is parsed, one function is called, and its result is printed, as words or as JSON.
 """
@@ -7,15 +7,16 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 from common.process.command import imports, listen_for_interrupt, run_command
 from common.process.messages import show_messages, told
 from gangue.commands import COMMANDS, PROGRAM, parser_of
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run a command line and return its exit code.
+def main(argv: list[str] | None = None, package: str = "") -> int:
+    """Run a command line and return its exit code; `package`: one of the commands of that package.
 
     >>> main(["--quiet", "features", "runs/paper/ratio_030"])
     0
@@ -23,12 +24,19 @@ def main(argv: list[str] | None = None) -> int:
     if argv is None:
         listen_for_interrupt()
     words = list(sys.argv[1:] if argv is None else argv)
+    if package == "report" and next((word for word in words if not word.startswith("-")), "") != "compare":
+        words = ["report", *words]  # python -m report DIRECTORY
     as_json = any(word.startswith("--js") for word in words)  # known before the words are
-    return run_command(PROGRAM, lambda: _command(words), as_json)
+    return run_command(package or PROGRAM, lambda: _command(words, package), as_json)
 
 
-def _command(words: list[str]) -> int:
-    given, unknown = parser_of().parse_known_args(words)
+def door(package: str) -> Callable[..., int]:
+    """`main` of the commands of a package, for its `python -m`."""
+    return partial(main, package=package)
+
+
+def _command(words: list[str], package: str) -> int:
+    given, unknown = parser_of(package).parse_known_args(words)
     options = vars(given)
     command, parser, quiet, as_json = (options.pop(name) for name in ("command", "parser", "quiet", "json"))
     if unknown:

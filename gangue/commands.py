@@ -34,6 +34,11 @@ class Command:
     arguments: tuple[Argument, ...]
     examples: tuple[str, ...]
 
+    @property
+    def package(self) -> str:
+        """The package that computes the answer, whose `python -m` has this command too."""
+        return self.function.partition(".")[0]
+
     def load(self) -> Callable[..., Any]:
         """Import the function, which may take seconds."""
         module, _, name = self.function.partition(":")
@@ -237,21 +242,24 @@ COMMANDS = {
 }
 
 
-def parser_of() -> argparse.ArgumentParser:
-    """The parser of all commands."""
-    parser = Parser(prog=PROGRAM, description=DESCRIPTION, epilog=_examples(EXAMPLES) + EXIT_CODES,
+def parser_of(package: str = "") -> argparse.ArgumentParser:
+    """The parser of all commands, or of those of a package."""
+    program = f"python -m {package}" if package else PROGRAM
+    parser = Parser(prog=program, description=DESCRIPTION, epilog=_examples(EXAMPLES) + EXIT_CODES,
                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--version", action=_Version, nargs=0, default=argparse.SUPPRESS,
                         help="version of this program")
     _add_output(parser, False, JSON_HELP)
     commands = parser.add_subparsers(dest="command", required=True, metavar="command", title="commands")
     for name, command in COMMANDS.items():
-        sub = commands.add_parser(name, help=command.help, description=command.help, epilog=_examples(command.examples),
-                                  formatter_class=argparse.RawDescriptionHelpFormatter)
-        for names, settings in command.arguments:
-            sub.add_argument(*names, **settings)
-        _add_output(sub, argparse.SUPPRESS, "the result as JSON")  # leaves what was said before the command
-        sub.set_defaults(parser=sub)
+        if package in ("", command.package):
+            sub = commands.add_parser(name, prog=program if package == name else f"{program} {name}", help=command.help,
+                                      description=command.help, epilog=_examples(command.examples),
+                                      formatter_class=argparse.RawDescriptionHelpFormatter)
+            for names, settings in command.arguments:
+                sub.add_argument(*names, **settings)
+            _add_output(sub, argparse.SUPPRESS, "the result as JSON")  # leaves what was said before the command
+            sub.set_defaults(parser=sub)
     return parser
 
 

@@ -55,9 +55,8 @@ import importlib, json
 from common.resources import resource
 from common.tables import InputError
 from dem.coupling.launch import ENGINE, check_engine
-from gangue.commands import COMMANDS
 
-functions = [command.load() for command in COMMANDS.values()]
+modules = [importlib.import_module(f"{package}.__main__") for package in PACKAGES if package != "common"]
 try:
     check_engine()
     refusal = None
@@ -75,7 +74,7 @@ def installed(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(installed):
-    """Where the wheel's packages, data and engine are; every command of it has been imported."""
+    """Where the wheel's packages, data and engine are; every command line of it has been imported."""
     return json.loads(installed.run("-c", f"PACKAGES = {PACKAGES}\n{INSPECT}"))
 
 
@@ -112,9 +111,9 @@ def test_a_missing_engine_is_refused_with_the_command_that_builds_it(found):
 def test_features_of_a_record_are_those_of_the_checkout(installed, tmp_path):
     record = tmp_path / "record.csv"
     record.write_text("t_s,a_m_s2\n" + "".join(f"{k / 6667:.9f},{(k % 17 - 8) * (-1) ** k}\n" for k in range(400)))
-    here = subprocess.run([sys.executable, "-m", "gangue", "features", str(record)], cwd=ROOT, capture_output=True,
+    here = subprocess.run([sys.executable, "-m", "analysis", "features", str(record)], cwd=ROOT, capture_output=True,
                           text=True, check=True)
-    assert installed.run("-m", "gangue", "features", record) == here.stdout
+    assert installed.run("-m", "analysis", "features", record) == here.stdout
 
 
 def hertz_peak_force_N(scene):
@@ -129,9 +128,9 @@ def hertz_peak_force_N(scene):
 def check_build_and_run(installed, found):
     """Build the engine and run a scene of the wheel, a sphere on a rigid plate, whose largest force is Hertz'."""
     assert Path(installed.variables["XDG_CACHE_HOME"]) in Path(found["engine"]).parents
-    assert installed.run("-m", "gangue", "build-engine").split()[-1] == found["engine"]
+    assert installed.run("-m", "dem", "build-engine").split()[-1] == found["engine"]
     shutil.rmtree(installed.work / "run", ignore_errors=True)
-    installed.run("-m", "gangue", "run", Path(found["data"]) / "scenes" / "hertz_coal.toml", "--out", "run")
+    installed.run("-m", "dem", "run", Path(found["data"]) / "scenes" / "hertz_coal.toml", "--out", "run")
     run = json.loads((installed.work / "run" / "run.json").read_text())
     assert run["peak_force_N"] == pytest.approx(hertz_peak_force_N(run["scene"]), rel=1e-3)
 

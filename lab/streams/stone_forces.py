@@ -19,8 +19,8 @@ import pandas as pd
 from scipy.stats import qmc
 
 from common.scene.scene import read_scene
+from dem.__main__ import main as dem
 from dem.coupling.launch import ENGINE
-from gangue.__main__ import main as dem
 from gangue.learn_forces import alone, history_of
 from lab.known_truth.stone_histories import SETS, histories, rock_of, stored_rock, write_histories
 from lab.rock.stone import SCENES

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from analysis import Record, RecordError, as_record, read_record
-from gangue.__main__ import main
+from analysis.__main__ import main
 
 
 def one_line(error):

@@ -12,8 +12,8 @@ import pytest
 
 from common.scene.scene import read_scene, scene_hash
 from common.tables import InputError, inline_toml
+from dem.__main__ import main
 from dem.batch.campaign import plan_campaign, read_campaign_runs, write_campaign_runs
-from gangue.__main__ import main
 from tests.campaign.private_slurm import missing, private_slurm
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,7 +29,7 @@ def campaign_file(directory, scene=STONE, **vary):
 
 
 def run_campaign(file, out, *arguments, environment=None):
-    command = [sys.executable, "-m", "gangue", "campaign", str(file), "--out", str(out), *arguments]
+    command = [sys.executable, "-m", "dem", "campaign", str(file), "--out", str(out), *arguments]
     environment = dict(environment or os.environ)
     environment["PYTHONPATH"] = f"{ROOT}:{environment.get('PYTHONPATH', '')}"
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
@@ -55,7 +55,7 @@ def test_a_campaign_runs_what_is_missing_and_each_group_is_laid_out_as_a_sweep(t
 
     def run(*ratios):
         campaign_file(here, "stone.toml", **{"stones.gangue_ratio": list(ratios)})
-        command = [tmp_path / "e nv" / "bin" / "python", "-m", "gangue", "campaign", "campaign.toml", "--out=-out"]
+        command = [tmp_path / "e nv" / "bin" / "python", "-m", "dem", "campaign", "campaign.toml", "--out=-out"]
         return subprocess.run(command, cwd=here, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True,
                               text=True, check=False)
     first = run(0.0)

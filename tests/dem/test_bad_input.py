@@ -33,7 +33,7 @@ CASES = [
 
 @pytest.mark.parametrize("old, new, words", [c[1:] for c in CASES], ids=[c[0] for c in CASES])
 def test_a_wrong_scene_is_refused_in_one_line(tmp_path, runs, capsys, old, new, words):
-    from gangue.__main__ import main
+    from dem.__main__ import main
 
     assert PAPER.count(old) >= 1
     scene = tmp_path / "scene.toml"
@@ -51,7 +51,7 @@ def test_a_wrong_scene_is_refused_in_one_line(tmp_path, runs, capsys, old, new, 
 @pytest.mark.parametrize("ratio, words", [("0.25", ["stones.gangue_ratio", "0.25", "1/10"]),
                                           ("1.2", ["stones.gangue_ratio", "1.2"])])
 def test_a_ratio_that_the_stones_cannot_give_is_refused(tmp_path, capsys, ratio, words):
-    from gangue.__main__ import main
+    from dem.__main__ import main
 
     code = main(["run", str(SCENES / "paper.toml"), "--gangue", ratio, "--out", str(tmp_path / "run")])
     error = capsys.readouterr().err
@@ -61,7 +61,7 @@ def test_a_ratio_that_the_stones_cannot_give_is_refused(tmp_path, capsys, ratio,
 
 
 def test_a_missing_scene_and_no_toml_are_refused(tmp_path, capsys):
-    from gangue.__main__ import main
+    from dem.__main__ import main
 
     (tmp_path / "bad.toml").write_text("[time\n")
     for name in ("none.toml", "bad.toml"):
@@ -72,7 +72,7 @@ def test_a_missing_scene_and_no_toml_are_refused(tmp_path, capsys):
 
 def test_another_liggghts_is_told_and_none_is_refused(tmp_path, capsys, monkeypatch):
     import dem.coupling.launch
-    from gangue.__main__ import main
+    from dem.__main__ import main
 
     scene = str(SCENES / "hertz_coal.toml")
     arguments = ["run", scene, "--out", str(tmp_path / "run")]
@@ -93,7 +93,7 @@ def test_another_liggghts_is_told_and_none_is_refused(tmp_path, capsys, monkeypa
 def test_the_command_itself_gives_exit_code_2(tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text(PAPER.replace("radius_m = 0.025", "radius_m = -1.0"))
-    done = subprocess.run([sys.executable, "-m", "gangue", "run", str(scene), "--out", str(tmp_path / "run")],
+    done = subprocess.run([sys.executable, "-m", "dem", "run", str(scene), "--out", str(tmp_path / "run")],
                           capture_output=True, text=True, cwd=SCENES.parent, check=False)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1 and "Traceback" not in done.stderr

@@ -10,6 +10,7 @@ from scenes_of_tests import SCENES
 
 from common.scene.scene import BondTable, read_scene
 from common.tables import InputError, check, read_toml
+from dem.__main__ import main
 from dem.calibration.calibrate import CHECK_SEEDS, TargetTable, calibrate, fit_strengths, fracture_energy
 from dem.calibration.lab_sheet import TARGETS, find_sheet, scene_with
 from dem.calibration.virtual_tests import (
@@ -23,7 +24,6 @@ from dem.calibration.virtual_tests import (
     tension_specimen,
 )
 from dem.stones.bonds import network_stiffness
-from gangue.__main__ import main
 from lab.rock.dump import read_dump
 
 ROCK = Rock(density_kg_m3=1400.0, contact_modulus_Pa=5e9, contact_poisson_ratio=0.3, restitution=0.5, friction=0.6,

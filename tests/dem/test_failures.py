@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from scenes_of_tests import SCENES
 
-from gangue.__main__ import main
+from dem.__main__ import main
 from plate_fem.modes import plate_modes, table_hash
 
 
@@ -85,7 +85,7 @@ def test_an_output_that_cannot_be_written_is_refused_in_one_line(scene, tmp_path
 
 def test_too_little_memory_ends_the_run_in_one_line(scene, tmp_path):
     """The limit is set when the modules are loaded: 10 MB are enough to begin with, not to pack a stone."""
-    program = ("import resource, sys; import dem.run.run; from gangue.__main__ import main\n"
+    program = ("import resource, sys; import dem.run.run; from dem.__main__ import main\n"
                "now = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
                "resource.setrlimit(resource.RLIMIT_AS, (now + 10_000_000,) * 2)\n"
                f"sys.exit(main(['run', {str(scene)!r}, '--out', {str(tmp_path / 'run')!r}]))\n")

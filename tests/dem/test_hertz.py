@@ -69,7 +69,7 @@ def _time_above(z):
 
 
 def test_the_deck_of_a_bare_sphere_holds_only_what_it_needs(tmp_path):
-    from gangue.__main__ import main
+    from dem.__main__ import main
 
     assert main(["deck", str(SCENES / "hertz_coal.toml"), "--out", str(tmp_path / "d")]) == 0
     deck = (tmp_path / "d" / "deck" / "deck.liggghts").read_text()

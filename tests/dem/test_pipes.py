@@ -260,7 +260,7 @@ class StoppedRun:
         assert "max_frequency_Hz = 20000.0" in text
         directory.mkdir()
         scene.write_text(text.replace("max_frequency_Hz = 20000.0", "max_frequency_Hz = 500.0"))
-        self.run = subprocess.Popen([sys.executable, "-m", "gangue", "run", str(scene), "--out", str(directory / "run")],
+        self.run = subprocess.Popen([sys.executable, "-m", "dem", "run", str(scene), "--out", str(directory / "run")],
                                     cwd=SCENES.parent, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                                     stderr=subprocess.PIPE, text=True)
         self.side, self.output = side, directory / "run.partial" / "deck" / "engine.out"

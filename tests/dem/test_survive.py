@@ -22,11 +22,11 @@ import dem.deck.render
 import dem.run.directory
 from common.files.output_directory import Busy
 from common.tables import InputError
+from dem.__main__ import main
 from dem.run.directory import RunDirectory, latest
 from dem.run.run import Stopped, resume, run_scene
-from gangue.__main__ import main
 
-DEM = [sys.executable, "-m", "gangue"]
+DEM = [sys.executable, "-m", "dem"]
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
 
 

@@ -11,8 +11,8 @@ import pytest
 from scenes_of_tests import SCENES
 
 from common.scene.scene import changed_scene
+from dem.__main__ import main
 from dem.batch.sweep import is_finished, sweep
-from gangue.__main__ import main
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def small(tmp_path_factory):
 
 def test_a_killed_sweep_goes_on_with_what_is_missing(small):
     out = small.parent / "runs"
-    command = [sys.executable, "-m", "gangue", "sweep", str(small), "--out", str(out), "--jobs", "1"]
+    command = [sys.executable, "-m", "dem", "sweep", str(small), "--out", str(out), "--jobs", "1"]
     process = subprocess.Popen(command, cwd=SCENES.parent, start_new_session=True)
     deadline = time.monotonic() + 120
     while not (out / "ratio_000" / "run.json").exists():

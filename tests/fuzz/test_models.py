@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from analysis import read_sweep
 from common.files.whole import SEAL, seal
-from gangue.__main__ import main
 from recognition import Model
+from recognition.__main__ import main
 from recognition.physics.arrangement_likelihood import ArrangementModel, ExpectedMisfit
 from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.physics.force_law import ForceLaw

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from common.files.whole import SEAL, seal
 from common.scene.plate import read_plate
-from gangue.__main__ import main
+from recognition.__main__ import main
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.stones import sliding_ratio

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from scipy.io import savemat, wavfile
 
 from analysis import RecordError, read_run
-from gangue.__main__ import main
+from analysis.__main__ import main
 from tests.fuzz.mutations import HOSTILE, fuzz, good_run, many, mutated, outcome
 
 TIMES = np.arange(64) * 1e-3

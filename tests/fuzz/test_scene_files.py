@@ -11,9 +11,9 @@ import pytest
 
 from common.scene.scene import read_scene
 from common.tables import InputError, check as checked, read_toml
+from dem.__main__ import main
 from dem.calibration.calibrate import TargetTable
 from dem.calibration.lab_sheet import TARGETS, find_sheet
-from gangue.__main__ import main
 from tests.fuzz.mutations import HOSTILE, as_toml, fuzz, many, mutated, outcome
 from tests.fuzz.scenes import ALL, CUBE, SCENES, SMOOTH, VOLLEYS, small_scene
 

@@ -10,7 +10,7 @@ from pydantic import Field
 from common.resources import resource
 from common.scene.plate import PlateTable, RigidPlate, read_plate
 from common.tables import InputError, Refused, Table, check, read_toml
-from gangue.__main__ import main
+from plate_fem.__main__ import main
 
 GOOD_ROD = rod(0.1, 0.1)
 

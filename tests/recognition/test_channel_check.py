@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from common.resources import resource
-from gangue.__main__ import main
 from lab.known_truth.faulty_records import FAULTS, REFUSED, SAYS, volley, with_fault
+from recognition.__main__ import main
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.sensors.channel_check import channel_faults, check_channels, samples_before_impact

@@ -25,10 +25,11 @@ def modules_after(code):
     return set(found.stderr.split())
 
 
-def test_help_imports_nothing_that_is_slow():
-    """That of the program, and of each of its commands."""
-    asked = [["--help"], *([name, "--help"] for name in COMMANDS)]
-    code = f"from gangue.__main__ import main\nfor words in {asked}: assert main(words) == 0"
+@pytest.mark.parametrize("package", ["analysis", "dem", "gangue", "plate_fem", "recognition", "report"])
+def test_help_imports_nothing_that_is_slow(package):
+    """That of the package, and of each of its commands."""
+    asked = [["--help"], *([name, "--help"] for name, command in COMMANDS.items() if command.package == package)]
+    code = f"from {package}.__main__ import main\nfor words in {asked}: assert main(words) == 0"
     assert not {"numpy", "pandas", "scipy", "pydantic", "pyarrow", "matplotlib", "sklearn"} & modules_after(code)
 
 
@@ -38,7 +39,7 @@ def test_features_of_a_record_import_only_what_they_use(tmp_path, ending):
     k = np.arange(200)
     table = pd.DataFrame({"t_s": k * 1e-4, "a_m_s2": (-1.0) ** k * k})
     table.to_csv(file, index=False) if ending == "csv" else table.to_parquet(file, index=False)
-    loaded = modules_after(f"from gangue.__main__ import main\nmain(['features', {str(file)!r}])")
+    loaded = modules_after(f"from analysis.__main__ import main\nmain(['features', {str(file)!r}])")
     assert "PyEMD.EMD" not in loaded and "analysis.signals.sifting" in loaded  # PyEMD is left as it was found
     assert not {"matplotlib", "scipy.signal", "scipy.stats", "sklearn", "meshio", "dem"} & loaded
     assert not {"pandas", "pydantic", "scipy.linalg", "scipy.interpolate", "pyarrow.dataset"} & loaded
@@ -47,6 +48,6 @@ def test_features_of_a_record_import_only_what_they_use(tmp_path, ending):
 
 def test_a_run_imports_only_what_it_uses():
     """All that a run needs whose modes and packings are known; finite elements and mesh files are not among it."""
-    loaded = modules_after("import dem.run.run, gangue.__main__, numpy, io\nfrom common.files.parquet import write_parquet\n"
+    loaded = modules_after("import dem.run.run, dem.__main__, numpy, io\nfrom common.files.parquet import write_parquet\n"
                            "write_parquet({'a': numpy.ones(2), 'b': numpy.array(['x', 'y'])}, io.BytesIO())")
     assert not {"pandas", "matplotlib", "scipy.signal", "scipy.stats", "sklearn", "meshio", "PyEMD"} & loaded

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gangue.__main__ import main
 from lab.known_truth import other_plates
 from recognition import RecognitionError
+from recognition.__main__ import main
 from recognition.estimation.window import Window
 from recognition.models import Model
 from recognition.physics.arrangement_likelihood import MISFIT

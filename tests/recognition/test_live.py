@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 from scipy.signal import resample_poly
 
-from gangue.__main__ import main
 from lab.known_truth.machine_noise import noise
 from lab.known_truth.simulated import draw_stones, stream_of
+from recognition.__main__ import main
 from recognition.innovations.prior import StonePrior
 from recognition.stone_forces.forces import save_forces
 from recognition.stream.listen import Sums

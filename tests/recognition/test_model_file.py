@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gangue.__main__ import main
 from recognition import Answer, FusionQ, Model
+from recognition.__main__ import main
 from recognition.estimation.window import Window
 from recognition.models import decode, encode
 

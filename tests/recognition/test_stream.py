@@ -9,9 +9,9 @@ from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
 from common.scene.plate import read_plate
-from gangue.__main__ import main
 from lab.known_truth.machine_noise import noise
 from lab.known_truth.simulated import draw_stones, scattered, stream_of
+from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.bank import FIT_LAGS, LAGS, SHAPE_STEP_M, TIME, Bank
 from recognition.innovations.coloured_noise import SensorNoise

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from common.resources import resource
-from gangue.__main__ import main
 from lab.known_truth.other_plates import scattered
 from lab.known_truth.tap_records import hammer_taps
+from recognition.__main__ import main
 from recognition.plate.plate_model import PlateModel
 from recognition.tapping.fit import Fit, Prior, fit_plate, start_of
 from recognition.tapping.structure import Structure

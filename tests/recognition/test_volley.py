@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from gangue.__main__ import main
 from lab.known_truth.simulated import stone_rows, stream_of
+from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.signatures import FINE_S, Channels
 from recognition.plate.plate_model import PlateModel

@@ -1,4 +1,4 @@
-"""`gangue report`: one line and an exit code for every end."""
+"""`python -m report`: one line and an exit code for every end."""
 
 import re
 
@@ -6,12 +6,12 @@ import pandas as pd
 import pytest
 
 import report.page
-from gangue.__main__ import main
+from report.__main__ import main
 from tests.analysis.synthetic import write_sweep
 
 
 def ends_with(capsys, code, argument):
-    assert main(["report", str(argument)]) == code
+    assert main([str(argument)]) == code
     captured = capsys.readouterr()
     assert captured.out == "" and captured.err.count("\n") == 1
     return captured.err
@@ -28,7 +28,7 @@ def test_a_sweep_of_streams_has_no_forces_by_stone(tmp_path, capsys):
     for file in sweep.glob("*/*.parquet"):
         table = pd.read_parquet(file)
         table[[name for name in table if not re.fullmatch(r"force_\d+_N", name)]].to_parquet(file)
-    assert main(["report", str(sweep)]) == 0
+    assert main([str(sweep)]) == 0
     assert "no force_03_N" in (sweep / "report.html").read_text()
 
 

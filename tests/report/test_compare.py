@@ -1,4 +1,4 @@
-"""`gangue compare A B`: what differs, and nothing else."""
+"""`python -m report compare A B`: what differs, and nothing else."""
 
 import json
 import re
@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from analysis import RecordError
-from gangue.__main__ import main
+from report.__main__ import main
 from report.comparison import compared
 from tests.analysis.synthetic import write_run, write_sweep
 

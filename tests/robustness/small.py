@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from gangue.__main__ import main
+from gangue.__main__ import door
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = ROOT / "scenes"
@@ -30,17 +30,17 @@ def small_stone(directory, **changes):
 
 
 def start(*arguments, **options):
-    """A command of the project as a program, `start("run", ...)`."""
+    """A package of the project as a program, `start("dem", "run", ...)`."""
     options = {"cwd": ROOT, "stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE,
                "text": True, **options}
-    return subprocess.Popen([sys.executable, "-m", "gangue", *map(str, arguments)], **options)
+    return subprocess.Popen([sys.executable, "-m", *map(str, arguments)], **options)
 
 
-def run(*words):
-    """Exit code, output and errors of a command line, in this process."""
+def run(package, *words):
+    """Exit code, output and errors of a command line of a package, in this process."""
     output, errors = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
-        code = main([str(word) for word in words])
+        code = door(package)([str(word) for word in words])
     return code, output.getvalue(), errors.getvalue()
 
 

@@ -21,8 +21,8 @@ def stopped(tmp_path_factory):
     """A run stopped at a checkpoint, and the undisturbed one."""
     here = tmp_path_factory.mktemp("damage")
     scene = small_stone(here)
-    assert run("run", scene, "--out", here / "stopped", "--walltime", 0)[0] == 75
-    assert run("run", scene, "--out", here / "whole")[0] == 0
+    assert run("dem", "run", scene, "--out", here / "stopped", "--walltime", 0)[0] == 75
+    assert run("dem", "run", scene, "--out", here / "whole")[0] == 0
     return here / "stopped.partial", here / "whole"
 
 
@@ -31,7 +31,7 @@ def of_other_damping(stopped, tmp_path_factory):
     """A run that differs in the plate's damping alone, which the engine does not know."""
     here = tmp_path_factory.mktemp("other")
     scene = small_stone(here, **{"damping_ratio = 0.01": "damping_ratio = 0.2"})
-    assert run("run", scene, "--out", here / "other", "--walltime", 0)[0] == 75
+    assert run("dem", "run", scene, "--out", here / "other", "--walltime", 0)[0] == 75
     return here / "other.partial"
 
 
@@ -55,7 +55,7 @@ def whole_checkpoint(partial, said):
 
 def check_goes_on(stopped, tmp_path, damaged):
     """Returns whether it went on; what is there then is the undisturbed result."""
-    code, _, errors = run("resume", tmp_path / "run")
+    code, _, errors = run("dem", "resume", tmp_path / "run")
     said = what_was_said(errors)
     assert "Traceback" not in errors and code in (0, 2), errors
     if code == 2:
@@ -138,8 +138,8 @@ def test_overwrite_begins_anew_whatever_was_begun(stopped, tmp_path):
     HEADER.pack_into(data, 0, *HEADER.unpack_from(data)[:-1], zlib.crc32(data[HEADER.size:]))
     file.write_bytes(data)
     scene = stopped[0].parent / "stone.toml"
-    assert run("run", scene, "--out", tmp_path / "run")[0] == 1
-    assert run("run", scene, "--out", tmp_path / "run", "--overwrite")[0] == 0
+    assert run("dem", "run", scene, "--out", tmp_path / "run")[0] == 1
+    assert run("dem", "run", scene, "--out", tmp_path / "run", "--overwrite")[0] == 0
     for name in SIGNALS:
         whole = (stopped[1] / f"{name}.parquet").read_bytes()
         assert (tmp_path / "run" / f"{name}.parquet").read_bytes() == whole, name

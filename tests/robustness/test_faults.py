@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
+from dem.__main__ import main
 from dem.coupling.launch import engine_error, library_version
-from gangue.__main__ import main
 from tests.robustness.small import HERTZ, ROOT, run, small_stone, what_was_said
 
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
@@ -19,7 +19,7 @@ SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
 def whole(tmp_path_factory):
     here = tmp_path_factory.mktemp("faults")
     scene = small_stone(here)
-    assert run("run", scene, "--out", here / "whole")[0] == 0
+    assert run("dem", "run", scene, "--out", here / "whole")[0] == 0
     return scene, here / "whole"
 
 
@@ -33,13 +33,13 @@ def check_same(out, expected):
 def test_files_may_not_grow_beyond_a_limit(whole, tmp_path, most_bytes):
     """The limit stands for a quota or a full disk, at every file that the run writes in turn."""
     scene, expected = whole
-    done = subprocess.run([sys.executable, "-B", "-m", "gangue", "run", str(scene), "--out", str(tmp_path / "run")],
+    done = subprocess.run([sys.executable, "-B", "-m", "dem", "run", str(scene), "--out", str(tmp_path / "run")],
                           cwd=ROOT, capture_output=True, text=True, check=False, timeout=3000,
                           preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, most_bytes)))
     largest = max(file.stat().st_size for file in expected.rglob("*"))
     assert done.returncode == (largest > most_bytes)
     assert "Traceback" not in done.stderr and len(what_was_said(done.stderr)) == done.returncode, done.stderr
-    assert run("run", scene, "--out", tmp_path / "run")[0] == 0
+    assert run("dem", "run", scene, "--out", tmp_path / "run")[0] == 0
     check_same(tmp_path / "run", expected)
 
 
@@ -76,7 +76,7 @@ FAULTS = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_what_only_takes_time_changes_nothing(whole, tmp_path, fault):
     scene, expected = whole
-    program = f"{FAULTS[fault]}\nfrom gangue.__main__ import main\nimport sys; sys.exit(main(sys.argv[1:]))"
+    program = f"{FAULTS[fault]}\nfrom dem.__main__ import main\nimport sys; sys.exit(main(sys.argv[1:]))"
     done = subprocess.run([sys.executable, "-c", program, "run", str(scene), "--out", str(tmp_path / "run")], cwd=ROOT,
                           capture_output=True, text=True, check=False, timeout=3000)
     assert done.returncode == 0, done.stderr
@@ -91,7 +91,7 @@ def test_a_read_that_fails(whole, tmp_path, number):
     scene, expected = whole
     program = f"""
 import builtins, errno, io, itertools, os, sys
-from gangue.__main__ import main
+from dem.__main__ import main
 count, real = itertools.count(1), io.open
 def failing(file, mode="r", *rest, **more):
     if isinstance(file, (str, os.PathLike)) and {str(tmp_path)!r} in str(file) and "r" in mode and "+" not in mode:
@@ -105,5 +105,5 @@ sys.exit(main(sys.argv[1:]))
                           capture_output=True, text=True, check=False, timeout=3000)
     said = what_was_said(done.stderr)
     assert done.returncode in (1, 2) and len(said) == 1 and "Input/output error" in said[0], done.stderr
-    assert run("run", scene, "--out", tmp_path / "run")[0] == 0
+    assert run("dem", "run", scene, "--out", tmp_path / "run")[0] == 0
     check_same(tmp_path / "run", expected)

@@ -99,7 +99,7 @@ def long_runs(tmp_path, command):
     file = {"dataset": tmp_path / "plan.toml", "campaign": tmp_path / "values.toml"}.get(command, scene)
     out = tmp_path / "out"
     jobs = [] if command == "run" else ["--jobs", "1"]
-    process = start(command, file, "--out", out, *jobs, start_new_session=True)
+    process = start("dem", command, file, "--out", out, *jobs, start_new_session=True)
     wait_until(lambda: engines_below(process), process, "an engine")
     return process, [pid for pid, _ in below(process.pid)]
 

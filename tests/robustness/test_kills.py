@@ -15,9 +15,9 @@ import pandas as pd
 import pytest
 
 import dem.run.run  # noqa: F401  what a run imports late is there already when it is forked: kills meet its work
+from dem.__main__ import main
 from dem.coupling.pipes import STOPPED
 from dem.run.directory import steps_of
-from gangue.__main__ import main
 from tests.robustness.small import below, is_alive, small_stone
 
 ONE_RANK, TWO_RANKS = (int(os.environ.get("KILLS", kills)) for kills in ("47", "60"))  # of each kind

@@ -7,8 +7,8 @@ import subprocess
 
 import pytest
 
+from dem.__main__ import main
 from dem.coupling.launch import engine_running, mpirun
-from gangue.__main__ import main
 from tests.robustness.small import HERTZ
 
 

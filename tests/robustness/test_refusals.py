@@ -13,13 +13,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import analysis.__main__
+import plate_fem.__main__
+import recognition.__main__
+import report.__main__
 from analysis import RecordError, read_run
 from analysis.sweep.breakage import read_network
 from common.scene.scene import changed_scene
 from common.tables import InputError, Refused
+from dem.__main__ import main
 from dem.deck.plausible import momentum_warnings, warnings_of, warnings_of_plate
 from dem.stones.arrangement import stones_of
-from gangue.__main__ import main
+from plate_fem.__main__ import main as modes_of
 from plate_fem.elements.mesh import default_mesh_size, mesh_lines
 from recognition.plate.plate_model import PlateModel
 from report.film.pictures import instants, read_arrays
@@ -48,7 +53,7 @@ def test_no_run_at_a_time_or_too_many(tmp_path, command, jobs):
 @pytest.mark.parametrize("rate", ["1e7", "1e9", "1e12", "1e300", "inf", "nan", "0", "-5"])
 def test_a_rate_that_no_memory_holds(tmp_path, rate):
     write_run(tmp_path / "ratio_030", 0.3)
-    told = ends_with_one_line(main, ["features", tmp_path / "ratio_030", "--resample", rate])
+    told = ends_with_one_line(analysis.__main__.main, ["features", tmp_path / "ratio_030", "--resample", rate])
     assert told.startswith(f"--resample {float(rate):g}: ") and "at most 1000 times" in told
 
 
@@ -66,9 +71,9 @@ def test_devices_and_pipes_are_not_read(tmp_path, device):
         os.mkfifo(device)
     for entry, arguments in [(main, ["deck", device, "--out", tmp_path / "out"]),
                              (main, ["sweep", device, "--out", tmp_path / "out"]),
-                             (main, ["modes", device]),
-                             (main, ["features", device]),
-                             (main, ["recognise", tmp_path, "--model", device])]:
+                             (plate_fem.__main__.main, ["modes", device]),
+                             (analysis.__main__.main, ["features", device]),
+                             (recognition.__main__.main, ["recognise", tmp_path, "--model", device])]:
         assert str(device) in ends_with_one_line(entry, arguments)
     assert not (tmp_path / "out").exists()
 
@@ -116,7 +121,7 @@ def test_numbers_and_tables_beyond_all_measure(tmp_path, text, words):
     for entry, arguments in [(main, ["deck", scene, "--out", tmp_path / "out"]),
                              (main, ["deck", tmp_path / "base.toml", "--out", tmp_path / "out"]),
                              (main, ["campaign", campaign, "--out", tmp_path / "out"]),
-                             (main, ["modes", scene])]:
+                             (plate_fem.__main__.main, ["modes", scene])]:
         told = ends_with_one_line(entry, arguments)
         assert words in told and len(told) < 1000
     assert not (tmp_path / "out").exists()
@@ -145,7 +150,7 @@ def test_a_plate_that_the_engine_does_not_take(tmp_path):
     assert not list(tmp_path.iterdir())
     auxetic = (SCENES / "paper.toml").read_text().replace("poisson_ratio = 0.3   ", "poisson_ratio = -0.3  ")
     (tmp_path / "scene.toml").write_text(auxetic)
-    assert "plate.poisson_ratio = -0.3" in ends_with_one_line(main, ["modes", tmp_path / "scene.toml"])
+    assert "plate.poisson_ratio = -0.3" in ends_with_one_line(modes_of, ["modes", tmp_path / "scene.toml"])
 
 
 @pytest.mark.parametrize("diameter_m", [2e-5, 2e-6, 1e-9])
@@ -167,7 +172,7 @@ def test_a_record_with_times_in_ms_is_refused(tmp_path):
     table = {"t_s": 1e3 * np.arange(500) / 20000} | {f"acc_{name}_m_s2": rng.normal(size=500)
                                                       for name in plate.sensor_names}
     pd.DataFrame(table).to_csv(tmp_path / "ms.csv", index=False)
-    told = ends_with_one_line(main, ["check", tmp_path / "ms.csv", "--plate",
+    told = ends_with_one_line(recognition.__main__.main, ["check", tmp_path / "ms.csv", "--plate",
                                                           tmp_path / "plate.json"])
     assert "20 samples a second" in told and "t_s must be in s" in told
 
@@ -325,7 +330,7 @@ def test_no_shipped_scene_is_warned_of(scene):
 def test_a_warning_is_on_screen_and_in_run_json(tmp_path):
     import json
 
-    code, _, errors = run("run", HERTZ, "--set", "stones.speed_m_s=300.0", "--out", tmp_path / "run")
+    code, _, errors = run("dem", "run", HERTZ, "--set", "stones.speed_m_s=300.0", "--out", tmp_path / "run")
     assert code == 0 and "warning: " in errors and "Hertz" in errors
     assert "Hertz" in json.loads((tmp_path / "run" / "run.json").read_text())["warnings"][0]
 
@@ -337,11 +342,11 @@ def shell(command):
 
 def test_a_reader_that_goes_away_and_a_full_disk_behind_standard_output(tmp_path):
     write_run(tmp_path / "ratio_030", 0.3)
-    program = f"{sys.executable} -m gangue features {tmp_path / 'ratio_030'}"
+    program = f"{sys.executable} -m analysis features {tmp_path / 'ratio_030'}"
     closed = shell(f"{program} | (exec 0<&-; sleep 0.1)")
     assert closed.stderr == "" and closed.returncode in (0, 141)  # 0 where all was written before
     full = shell(f"{program} > /dev/full")
-    assert full.returncode == 1 and full.stderr == "gangue: No space left on device\n"
+    assert full.returncode == 1 and full.stderr == "analysis: No space left on device\n"
 
 
 @contextlib.contextmanager
@@ -361,8 +366,8 @@ def test_a_disk_that_is_full_when_a_model_or_a_report_is_written(tmp_path, monke
     sweep = write_sweep(tmp_path / "sweep", ratios=(0.0, 0.3, 0.7, 1.0))
     run = sweep / "ratio_030"
     monkeypatch.setattr("recognition.estimation.noise.COPIES", 2)
-    for entry, arguments in [(main, ["fit", sweep, "--out", tmp_path / "model.json"]),
-                             (main, ["report", run])]:
+    for entry, arguments in [(recognition.__main__.main, ["fit", sweep, "--out", tmp_path / "model.json"]),
+                             (report.__main__.main, [run])]:
         with write_limit(1000):
             code, errors = outcome(entry, [str(argument) for argument in arguments])
         # The cache may tell it too.
@@ -385,6 +390,6 @@ def test_a_report_of_nothing(tmp_path, monkeypatch, where, why):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "cut off" / "ratio_000").mkdir(parents=True)
     (tmp_path / "cut off" / "ratio_000" / "run.json").write_text('{"status": "fini')
-    told = ends_with_one_line(main, ["report", where])
+    told = ends_with_one_line(report.__main__.main, [where])
     assert told.startswith(f"{where}: ") and why in told
     assert not list(tmp_path.rglob("*.html")) and not list(tmp_path.rglob("claims.csv"))

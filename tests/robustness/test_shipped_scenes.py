@@ -38,7 +38,7 @@ def swept(name, out):
     changes = [word for key, value in made_small(scene).items() for word in ("--set", f"{key}={value}")]
     words = ["sweep", file, "--out", out, "--jobs", "2"] if scene.stones.shares_gangue else [
         "run", file, "--out", out / "ratio_000"]
-    done = [run(*words, *changes), run("report", out)]
+    done = [run("dem", *words, *changes), run("report", out)]
     summaries = [json.loads(file.read_text()) for file in sorted(out.glob("ratio_*/run.json"))]
     return scene, summaries, [code for code, _, _ in done], [errors for _, _, errors in done]
 
@@ -66,5 +66,5 @@ def test_a_shipped_scene_sweeps_to_a_report(tmp_path, name):
 
 
 def test_stones_given_one_by_one_are_not_swept(tmp_path):
-    code, _, errors = run("sweep", SCENES / "sizes.toml", "--out", tmp_path / "out")
+    code, _, errors = run("dem", "sweep", SCENES / "sizes.toml", "--out", tmp_path / "out")
     assert code == 2 and "stones.each" in errors and errors.count("\n") == 1 and not (tmp_path / "out").exists()
