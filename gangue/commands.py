@@ -1,4 +1,5 @@
-"""The commands: the function that each calls, the arguments that become those of the function, the parser of them."""
+"""The commands: the function that each calls, the arguments that become those of the function, the parser of them, and
+the script by which shells complete them."""
 
 import argparse
 from collections.abc import Callable
@@ -8,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from common.process.command import Parser
+from common.result import Result
 
 PROGRAM = "gangue"
 DESCRIPTION = "Coal and gangue on a steel plate: simulate impacts, analyse records, recognise the mixing ratio."
@@ -239,6 +241,10 @@ COMMANDS = {
         "gangue scenes", "gangue scenes paper --out my.toml")),
     "doctor": Command("gangue.doctor:doctor", "what this machine has and lacks to simulate", (), (
         "gangue doctor", "gangue --json doctor")),
+    "completion": Command("gangue.commands:completion", "completion of commands for a shell, by shtab", (
+        _arg("shell", choices=("bash", "zsh", "tcsh"), help="the shell"),), (
+        "gangue completion bash > ~/.local/share/bash-completion/completions/gangue",
+        "gangue completion zsh > ~/.zfunc/_gangue")),
 }
 
 
@@ -263,6 +269,11 @@ def parser_of(package: str = "") -> argparse.ArgumentParser:
     return parser
 
 
+def commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """The parser of each command by its name."""
+    return next(action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+
+
 def _add_output(parser: argparse.ArgumentParser, unsaid: Any, help_of_json: str) -> None:
     """What may stand before or behind the command."""
     parser.add_argument("--quiet", action="store_true", default=unsaid, help="no output but errors and what goes wrong")
@@ -281,3 +292,24 @@ class _Version(argparse.Action):
 
         print(f"{PROGRAM} {version('coal-gangue-impact')}")
         parser.exit()
+
+
+@dataclass(frozen=True)
+class CompletionResult(Result):
+    """The script for a shell."""
+
+    line = "{script}"
+    shell: str
+    script: str
+
+
+def completion(shell: str) -> CompletionResult:
+    """Write the script. Where a value is not one of a few, files complete it."""
+    import shtab  # late: no other command needs it
+
+    parser = parser_of()
+    for sub in commands_of(parser).values():
+        for action in sub._actions:
+            if action.nargs != 0 and not action.choices:
+                action.complete = shtab.FILE  # type: ignore[attr-defined]  # shtab's way
+    return CompletionResult(shell, shtab.complete(parser, shell, root_prefix=PROGRAM))

@@ -22,7 +22,7 @@ from common.scene.scene import read_scene
 from common.tables import InputError, read_toml
 from dem.coupling.pipes import STOPPED
 from gangue.__main__ import main
-from gangue.commands import COMMANDS, parser_of
+from gangue.commands import COMMANDS, commands_of, parser_of
 from tests.analysis.synthetic import write_run
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -56,7 +56,7 @@ def test_help_imports_no_library_that_is_slow():
     ([], "command"), (["doctor", "x"], "unrecognized"),
     (["recognize"], "recognize"), (["campaign", "x.toml", "--out", "y"], "x.toml"),
     (["features", "nothing.csv"], "no such file"), (["modes", "nothing.toml"], "cannot be read"),
-    (["report", "compare", "a", "b"], "gangue report: unrecognized"),
+    (["completion", "fish"], "fish"), (["report", "compare", "a", "b"], "gangue report: unrecognized"),
     (["compare", "nowhere", "nothing"], "nowhere"), (["fit", "nowhere", "--out", "x.json"], "nowhere"),
 ])
 def test_bad_input_ends_with_2_and_one_line_and_as_json_with_an_object_that_repeats_it(words, said, capsys):
@@ -128,7 +128,7 @@ def test_an_interrupt_before_the_command_begins_gives_one_line():
     assert (done.returncode, done.stderr.count("\n")) == (130, 1) and done.stderr.startswith("interrupted")
 
 
-@pytest.mark.parametrize("words", [["--json", "doctor"], ["scenes"], ["features", "--help"]])
+@pytest.mark.parametrize("words", [["--json", "doctor"], ["completion", "bash"], ["features", "--help"]])
 def test_a_closed_pipe_and_a_full_disk_give_no_traceback(words):
     reading, writing = os.pipe()
     os.close(reading)
@@ -165,9 +165,21 @@ def test_the_doctor_says_in_eleven_lines_what_is_there(capsys, tmp_path):
     assert done.returncode == 1 and not engine["there"] and "build-engine" in engine["text"]
 
 
-def test_the_help_names_the_exit_code_of_a_run_that_stopped(capsys):
-    main(["run", "--help"])
-    assert f"exit code {STOPPED}" in " ".join(capsys.readouterr().out.split())
+def test_completion_knows_commands_options_and_files(tmp_path):
+    script = program("completion", "bash").stdout
+    (tmp_path / "gangue.sh").write_text(script)
+    (tmp_path / "scene.toml").write_text("")
+    for words, expected in ((["fea"], "features"), (["sweep", "--jo"], "--jobs"), (["sweep", "sce"], "scene.toml")):
+        line = " ".join(["gangue", *words])
+        code = (f"source gangue.sh; COMP_WORDS=({line}); COMP_CWORD={len(words)}; COMP_LINE='{line}'; "
+                f"COMP_POINT={len(line)}; _shtab_gangue gangue {words[-1]} x; echo ${{COMPREPLY[@]}}")
+        done = subprocess.run(["bash", "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert expected in done.stdout.split(), (line, done.stdout, done.stderr)
+    assert commands_of(parser_of()).keys() == COMMANDS.keys()
+
+
+def test_the_help_names_the_exit_code_of_a_run_that_stopped():
+    assert f"exit code {STOPPED}" in " ".join(commands_of(parser_of())["run"].format_help().split())
 
 
 def test_shipped_scenes_are_listed_and_a_copy_is_the_scene_wherever_it_is(tmp_path, capsys, monkeypatch):
