@@ -15,7 +15,7 @@ from pydantic import AfterValidator, Field, model_validator
 from common.input_error import MOST_DEEP
 from common.scene.distribution import OF_DRAWN, ScatterTable
 from common.scene.error_laws import least_tolerance
-from common.scene.file import scene_tables
+from common.scene.file import read_named, scene_tables
 from common.scene.plate import ContactStrength, Density, FlexiblePlate, PlateTable
 from common.scene.stones import KINDS, SPHERE, AgglomerateTable, Kind, Shape, StonesTable
 from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check, refuse_monstrous
@@ -352,6 +352,7 @@ def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:
             table.pop(last, None)
         else:
             table[last] = value
+            read_named(data, Path(path))
     refuse_monstrous(path, changes)
     return check(Scene, data, path)
 
