@@ -6,13 +6,8 @@ import pytest
 
 from analysis import read_sweep
 from common.files.whole import SEAL, seal
-<<<<<<< HEAD
-from gangue.__main__ import main
 from recognition import Model, RecognitionError
-=======
-from recognition import Model, RecognitionError, leave_one_out
 from recognition.__main__ import main
->>>>>>> parent of f51791b1 (One command line: the packages are no programs of their own beside `gangue`)
 from recognition.commands import RecogniseResult
 from recognition.estimation.answer import Answer
 from recognition.methods import METHODS
