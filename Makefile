@@ -106,8 +106,8 @@ mutants: setup .venv/test  ## do the tests see each mutation of the physics? hou
 	$(PYTHON) -m lab.mutants --jobs $(JOBS)
 
 pictures: setup .venv/browser build/chromium build/paraview  ## the pictures of the README and of docs/gallery.md from the runs in OUT
-	$(PYTHON) docs/pictures/gallery.py $(OUT)
-	$(PYTHON) docs/pictures/film.py $(OUT)
+	$(PYTHON) -m lab.pictures.gallery $(OUT)
+	$(PYTHON) -m lab.pictures.film $(OUT)
 	xvfb-run -a pvpython $(OUT)/ratio_050/view.py $(abspath docs/pictures/view.png) 0.012
 
 lint: setup .venv/lint  ## style and types of the Python code

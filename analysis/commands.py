@@ -1,7 +1,5 @@
 """What the commands on records answer: `features`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Each name ends in its unit, in scenes, tables and code alike. What a kind of sensor measures: `dem.record.recorder`.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 #: The six responses of the plate that the paper filters and fuses (Section V-B): motion of its centre, and energies.

@@ -14,8 +14,6 @@ Arguments are floats, or arrays that numpy can broadcast, in SI units; the resul
 4262 N, 234 us
 """
 
-from __future__ import annotations
-
 from typing import Any, Protocol
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Errors that end a command, apart from the checks that raise them, which take long to import."""
 
-from __future__ import annotations
-
 import stat
 from pathlib import Path
 from typing import Any

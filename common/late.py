@@ -1,8 +1,6 @@
 """Names of a package that are imported when they are first asked for, so that a command which only reads starts at
 once. The package's stub, `__init__.pyi`, imports them, which type checkers and editors read as it stands."""
 
-from __future__ import annotations
-
 import ast
 import sys
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 They stand at the top of a checkout. The wheel carries them inside this package, in `common/data` (pyproject.toml).
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 _COMMON = Path(__file__).resolve().parent

@@ -1,7 +1,5 @@
 """What a command answers: one small object, of which words, JSON and exit code only say what it holds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from math import isfinite

@@ -5,8 +5,6 @@ A run that this version wrote has every key. Runs of other versions or programs 
 value of the wrong type is refused by name.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

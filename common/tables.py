@@ -1,7 +1,5 @@
 """Scene tables: read a TOML file and check its values, with one line per mistake."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence

@@ -10,13 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from common.files.cache import user_cache
-from common.files.output_directory import (
-    files_in,
-    is_stamped,
-    refuse_below_a_file,
-    refuse_foreign_file,
-    refuse_place,
-)
+from common.files.output_directory import files_in, is_stamped, refuse_below_a_file, refuse_foreign_file, refuse_place
 from common.resources import resource
 from common.result import Result
 from common.scene.scene import Scene, changed_scene

@@ -3,8 +3,6 @@
 A command line is parsed, one function is called, and its result is printed, as words or as JSON.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

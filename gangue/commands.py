@@ -1,8 +1,6 @@
 """The commands: the function that each calls, the arguments that become those of the function, the parser of them, and
 the script by which shells complete them."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -152,8 +150,8 @@ COMMANDS = {
     "table": Command("analysis.sweep.run_table:table", "runs in a table: keys that vary, and results", (
         _file("directory", "directory", "directory of a run, a sweep or a campaign"),
         _arg("--stones", action="store_true", help="a row a stone"),
-        _arg("--csv", dest="as_csv", action="store_true", help="print text between commas"), EXPORT), (
-        "gangue table runs/paper --csv > paper.csv",
+        EXPORT), (
+        "gangue table runs/paper --out paper.csv",
         "gangue table runs/campaign --out campaign.xlsx")),
     "features": Command("analysis.commands:features", "time-frequency parameters of a run or of any record", (
         _arg("file", help="run directory, .parquet, .csv, .wav, .flac, .uff, .mat, .h5, .lvm or .tdms"),
@@ -178,8 +176,7 @@ COMMANDS = {
         "gangue recognise runs/other/ratio_040 --model model.json",
         "gangue recognise measured.csv --model model.json --plate plate.json")),
     "evaluate": Command("recognition.commands:evaluate", "error of each method on runs it was not trained on", (
-        _arg("directory", help="data set, FAMILY/GROUP/ratio_*; evaluation.csv is written into it"),
-        _arg("--method", dest="methods", action="append", help="one method only; may be given several times")), (
+        _arg("directory", help="data set, FAMILY/GROUP/ratio_*; evaluation.csv is written into it"),), (
         "gangue evaluate runs/dataset",)),
     "tap": Command("recognition.tapping.tapped:tap", "learn a plate's modes from taps at known places", (
         _arg("scene_file", metavar="scene", help="scene file whose plate it is thought to be"),

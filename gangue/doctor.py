@@ -1,7 +1,5 @@
 """`gangue doctor`: what this machine has and lacks, in ten lines."""
 
-from __future__ import annotations
-
 import os
 import platform
 import shutil

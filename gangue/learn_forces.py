@@ -1,7 +1,5 @@
 """`gangue learn-forces`: what `listen` believes of the forces of one's own rock and plate, from single stones."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial

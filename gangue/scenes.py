@@ -1,7 +1,5 @@
 """`gangue scenes`: the scenes that are shipped, and a copy of one to change."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the commands on a plate alone answer: `modes` and `motion`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

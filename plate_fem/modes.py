@@ -81,9 +81,12 @@ class PlateModes:
         """(n,): upward momentum of plate and rods per rate, of a plate that nothing but rods holds.
 
         Lifted as a whole by the feet of its rods, the plate moves by the sum of all modes times their momentum, if
-        there are residual modes of the rods. A mode gives the feet omega^2 times as much force as it has momentum.
+        there are residual modes of the rods. A mode gives the feet omega^2 times as much force as it has momentum; one
+        on rods so soft that its frequency is zero has that of the plate.
         """
-        return np.asarray(self.rod_force.sum(axis=0) / (2 * np.pi * self.frequency_Hz) ** 2)
+        omega_squared = (2 * np.pi * self.frequency_Hz) ** 2
+        return np.divide(self.rod_force.sum(axis=0), omega_squared, out=self.mass_kg * self.mean_shape,
+                         where=omega_squared > 0)
 
     @cached_property
     def node_m(self) -> np.ndarray:

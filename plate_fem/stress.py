@@ -1,8 +1,6 @@
 """Bending stress at the top surface of the plate in a state of its modes, and the largest one of a motion; and under
 Hertz contacts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

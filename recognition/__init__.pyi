@@ -1,6 +1,6 @@
 from recognition.estimation.answer import Answer as Answer
 from recognition.estimation.errors import NotRecognised as NotRecognised, RecognitionError as RecognitionError
-from recognition.models import Model as Model, leave_one_out as leave_one_out
+from recognition.models import Model as Model
 from recognition.paper.fusion import FUSIONS as FUSIONS, Fusion as Fusion, fuse as fuse, kalman_filter as kalman_filter
 from recognition.paper.pipeline import FusionPipeline as FusionPipeline
 from recognition.paper.q_parameter import FusionQ as FusionQ

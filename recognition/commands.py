@@ -1,8 +1,6 @@
 """What the commands on models of recognition answer: `fit`, `recognise` and `evaluate`."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +8,6 @@ from analysis.sweep.runs import read_sweep
 from common.files.output_directory import is_sealed_as, is_stamped, refuse_file, refuse_foreign_file
 from common.result import Result
 from recognition.estimation.answer import Answer
-from recognition.estimation.errors import RecognitionError
 from recognition.models import FORMAT, Model
 from recognition.plate.plate_model import PlateModel
 from recognition.plate.records import at_rate, record_table
@@ -123,17 +120,12 @@ class EvaluateResult(Result):
     evaluation: Path
 
 
-def evaluate(directory: str, methods: Sequence[str] | None = None) -> EvaluateResult:
-    """Find the error of methods, all if none are named, on runs of a data set that they were not trained on. Raises
-    RecordError, RecognitionError, InputError."""
+def evaluate(directory: str) -> EvaluateResult:
+    """Find the error of each method on runs of a data set that it was not trained on. Raises RecordError,
+    RecognitionError, InputError."""
     from recognition.evaluation.cross_validation import write_evaluation  # late, as in `fit`
     from recognition.evaluation.dataset import read_dataset
     from recognition.methods import METHODS
 
-    names = methods or list(METHODS)
-    unknown = [name for name in names if name not in METHODS]
-    if unknown:
-        raise RecognitionError(f"method {unknown[0]!r}; choose among {', '.join(METHODS)}")
     refuse_foreign_file(Path(directory) / "evaluation.csv", is_stamped)
-    data = read_dataset(directory)
-    return EvaluateResult(write_evaluation(data, directory, {name: METHODS[name] for name in names}))
+    return EvaluateResult(write_evaluation(read_dataset(directory), directory, METHODS))

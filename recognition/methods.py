@@ -1,7 +1,5 @@
 """The registry of methods: what a model holds, and an evaluation compares."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from recognition.estimation.method import MethodEntry, Registry

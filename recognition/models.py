@@ -24,7 +24,6 @@ from analysis.signals.features import BASE_PARAMETERS
 from analysis.sweep.runs import Run
 from common.channels import ACCELEROMETERS
 from common.files.whole import is_sealed, seal, write_text
-from common.process.processes import side_by_side
 from common.tables import InputError, refuse_unreadable
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
@@ -255,20 +254,6 @@ def from_impact(signals: pd.DataFrame) -> pd.DataFrame:
     _, values = _accelerations(signals)
     early = samples_before_impact(values) if len(values) and np.isfinite(values).all() else 0
     return signals.iloc[early:].reset_index(drop=True) if early else signals
-
-
-def leave_one_out(runs: list[Run]) -> list[dict[str, Answer]]:
-    """Recognise each run by a model fitted to the runs of all other ratios, the moment of the impact being known.
-
-    Returns one dict per run, as of `Model.recognise`. The ends (0 and 100 %) are then outside
-    the training ratios: the answer is an extrapolation.
-
-    >>> answers = leave_one_out(read_sweep("runs/paper").runs[::2])
-    >>> abs(answers[2]["energy_fusion_modified"].ratio - 0.4) < 0.05
-    True
-    """
-    prepared = PreparedRuns.of(runs)
-    return side_by_side(prepared.answers_without, len(runs))
 
 
 @dataclass(frozen=True)

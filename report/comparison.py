@@ -1,8 +1,6 @@
 """The page of two runs or two sweeps side by side: what differs in scene, counts, peaks, energies, error estimates and
 curves."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What a part of the report raises when the runs do not give it."""
 
-from __future__ import annotations
-
 from analysis import RecordError
 from common.input_error import CommandError
 from recognition.estimation.errors import RecognitionError

@@ -2,8 +2,6 @@
 claims.csv beside it. Every number on it is of these runs. Parts are made side by side:
 first what many of them show, then the rest."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace

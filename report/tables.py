@@ -1,7 +1,5 @@
 """Tables of the report."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,8 +1,6 @@
 """How breakage and response differ from stone to stone: over the stones of a sweep, and over draws of stones that vary,
 which are a data set beside the sweep."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from analysis import Run, read_run

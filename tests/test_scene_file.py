@@ -104,6 +104,17 @@ def test_materials_of_a_base_are_changed_key_by_key_or_replaced_as_a_whole(tmp_p
     assert hard.bond_of("coal").fracture_energy_J_m2 == 8.133
 
 
+def test_changes_name_materials_and_shapes_as_a_scene_does(tmp_path):
+    begin, said = 'base = "paper.toml"\nname = "x"\n', 'materials.coal = "hard_coal"\nshapes.block = "x.stl"\n'
+    said_in_file = read_scene(written(tmp_path, begin + said))
+    scene = written(tmp_path, begin)
+    assert changed_scene(scene, {"materials.coal": "hard_coal", "shapes.block": "x.stl"}) == said_in_file
+    softer = changed_scene(scene, {"materials.coal": "hard_coal", "materials.coal.poisson_ratio": 0.25})
+    assert softer.materials["coal"] == said_in_file.materials["coal"].model_copy(update={"poisson_ratio": 0.25})
+    with pytest.raises(InputError, match="slate.toml: cannot be read"):
+        changed_scene(scene, {"materials.coal": "slate"})
+
+
 @pytest.mark.parametrize("text, said", [
     ('base = "none.toml"\n', "none.toml: cannot be read"),
     ('base = "scene.toml"\n', "must not lead back"),

@@ -6,8 +6,6 @@ array of the same length in the same group whose name says so. Without one the r
 array of one value, gives under one of RATES or INTERVALS, in its group or one above.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field

@@ -171,7 +171,8 @@ def _with_unit(name: str, unit: str) -> str:
 
 
 def read_table(path: str | Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """Return a Parquet or text table (`analysis.files.text_tables`); columns of a text without names are "0", "1", ...
+    """Return a Parquet or text table (`analysis.files.text_tables`); columns of a text without names are "0", "1", ...,
+    an index with a name is a column, and dates are seconds from the first one.
 
     columns: those wanted of a Parquet table, which takes as many times less to read; all if None.
     Raises RecordError if it cannot be read, lacks one of them, or if a column appears twice.
@@ -189,7 +190,11 @@ def read_table(path: str | Path, columns: Sequence[str] | None = None) -> pd.Dat
     except (OSError, ValueError, ArrowException) as error:
         reason = " ".join(str(error).split())
         raise RecordError(f"{path}: not a readable {path.suffix[1:]} table ({reason})") from None
+    if table.index.name is not None:
+        table = table.reset_index()
     table = table.rename(columns=lambda name: str(name).strip())
+    for name in table.select_dtypes(["datetime", "datetimetz", "timedelta"]):  # pandas would count them in ns
+        table[name] = (table[name] - table[name].min()).dt.total_seconds()
     if not table.columns.is_unique:
         raise RecordError(f"{path}: column {table.columns[table.columns.duplicated()][0]!r} appears twice")
     return table

@@ -3,8 +3,6 @@
 A frequency response (FRF) of an analyser becomes the impulse response that it is of.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial

@@ -5,8 +5,6 @@ depend on the unit. Here a signal is scaled to unit standard deviation first and
 same result in any unit.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

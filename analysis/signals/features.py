@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 #: Ends of windows in shares of the record, ends of bands in shares of half its sample rate.
 WINDOWS = (0.0, 0.025, 0.125, 0.375, 1.0)
 BANDS = (0.0, 0.1, 0.25, 0.5, 1.0)
-FRAME, LEVELS = 512, 32  # of `band_levels`
 MOST_ENERGY = 2.0  # of IMFs over that of the record; what holds more are splines that overshoot where it is quiet
 
 
@@ -107,23 +106,6 @@ def log_rms(signals: np.ndarray, windows: tuple[float, ...] = WINDOWS, bands: tu
     return np.log(parts)
 
 
-def band_levels(signals: np.ndarray) -> np.ndarray:
-    """Of each of the signals (m, n), in frames of FRAME samples that overlap by half, and LEVELS bands of equal width:
-    the logarithm of the mean power of a band over the frames, the mean of the logarithm, and its standard deviation.
-
-    Rare blows raise the first, what sounds all the time the second, (m 3 LEVELS,). Raises RecordError for silence and
-    for records shorter than two frames."""
-    if signals.shape[1] < 2 * FRAME:
-        raise RecordError(f"{signals.shape[1]} samples; needs {2 * FRAME}")
-    frames = np.lib.stride_tricks.sliding_window_view(signals, FRAME, axis=1)[:, ::FRAME // 2]
-    spectrum = np.abs(np.fft.rfft(frames * np.hanning(FRAME), axis=2)[..., 1:]) ** 2
-    power = spectrum.reshape(*spectrum.shape[:2], LEVELS, -1).sum(axis=3)
-    if power.min() <= 0:
-        raise RecordError("the record is silent in a band")
-    level = np.log(power)
-    return np.stack([np.log(power.mean(axis=1)), level.mean(axis=1), level.std(axis=1)], axis=1).ravel()
-
-
 def _marginal_energy(decomposition: Decomposition) -> float:
     from analysis.signals.hilbert import marginal_spectrum
 
@@ -161,7 +143,6 @@ FEATURES = {
     "imf_{}_energy_share": Formula(lambda imfs: imfs.energies / imfs.energies.sum(), takes="imfs"),
     "marginal_spectrum_energy": Formula(_marginal_energy, 2, 6, takes="imfs"),
     "energies_sensors": Formula(log_rms, takes="sensors"),
-    "band_levels": Formula(band_levels, takes="sensors"),
 }
 
 #: The eight base parameters of Q (Section V-A) in its order.

@@ -6,8 +6,6 @@ frequency f = (d phi / d t) / (2 pi). The marginal spectrum of a frequency bin b
     h(b) = 1/df * sum over IMFs of the integral of a (or a^2) over the time f is in b.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ The paper's signals are at 6667 Hz without any filter, so that vibration above 3
 takes such vibration away instead, and the peaks of a contact (about 0.2 ms) become lower.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

@@ -6,8 +6,6 @@ The spline is the same curve as scipy's CubicSpline. A decomposition makes a hun
 points, and scipy's preparation of each takes several times as long as its evaluation.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from collections.abc import Iterator

@@ -5,8 +5,6 @@ Sub-sphere i, with b_i bonds at the start, has the damage D_i = (its broken bond
 agglomerate is the sum of V_i D_i. Fragments are what intact bonds still hold together.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path

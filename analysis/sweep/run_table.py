@@ -1,7 +1,5 @@
 """From runs to a table: a row a run with the keys of the scene that vary and the results, or a row a stone."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -31,15 +29,10 @@ class TableResult(Result):
     rows: tuple[Mapping[str, Any], ...]
     passed_over: tuple[str, ...]
     table: Path | None
-    as_csv: bool = False
 
     def words(self) -> Iterator[str]:
-        frame = pd.DataFrame(list(self.rows))
-        if self.as_csv:
-            yield from frame.to_csv(index=False, lineterminator="\n").splitlines()
-            return
         text = io.StringIO()
-        frame.to_string(text, index=False, na_rep="", float_format=lambda value: f"{value:.6g}")
+        pd.DataFrame(list(self.rows)).to_string(text, index=False, na_rep="", float_format=lambda value: f"{value:.6g}")
         yield from text.getvalue().splitlines()
         for reason in self.passed_over:
             yield f"passed over: {reason}"
@@ -47,7 +40,7 @@ class TableResult(Result):
             yield f"written to {self.table}"
 
 
-def table(directory: Path, stones: bool = False, as_csv: bool = False, out: Path | None = None) -> TableResult:
+def table(directory: Path, stones: bool = False, out: Path | None = None) -> TableResult:
     """The runs in a directory, that of a sweep, a campaign, a data set or one run; with `stones` a row for each of
     their stones. Written to `out`: .csv, or .xlsx with both tables. Raises RecordError where no run is finished,
     InputError."""
@@ -59,7 +52,7 @@ def table(directory: Path, stones: bool = False, as_csv: bool = False, out: Path
     if out is not None:
         export({"stones": of_stones, "runs": runs} if stones else {"runs": runs, "stones": of_stones}, out)
     rows = wanted.astype(object).where(wanted.notna(), None).to_dict("records")
-    return TableResult(tuple(plain(row) for row in rows), passed_over, out, as_csv)
+    return TableResult(tuple(plain(row) for row in rows), passed_over, out)
 
 
 def run_table(directory: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:

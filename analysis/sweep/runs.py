@@ -7,8 +7,6 @@ plate, `first_contact_s`). A sweep is a directory of them, one per gangue mixing
 ratio (`ratio_030`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

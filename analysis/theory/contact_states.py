@@ -13,8 +13,6 @@ P is the force at the largest compression, as the paper takes it. The damped for
 and higher (1.42 times at e = 0.5): see `analysis.theory.impact`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -112,15 +110,7 @@ def max_deformation_m(
     return float(brentq(excess, 0.0, rigid, xtol=1e-15 * rigid, rtol=4 * np.finfo(float).eps))
 
 
-@dataclass(frozen=True)
-class Peak:
-    """Largest compression of one sphere, and the force at it."""
-
-    deformation_m: float
-    force_N: float
-
-
-def peak(
+def peak_force_N(
     state: State,
     rock: Elastic,
     *,
@@ -129,8 +119,8 @@ def peak(
     restitution: float = 0.5,
     compliance_m_N: float = 0.0,
     plate: Elastic = PLATE,
-) -> Peak:
-    """Return the largest compression of one sphere in a state, and the force at it (Eqs. 8, 9, 11, 19, 20, 22, 30).
+) -> float:
+    """Return the force of one sphere in a state at its largest compression, N (Eqs. 8, 9, 11, 19, 20, 22, 30).
 
     Restitution and compliance count only where the state has damping or deflection.
     """
@@ -142,7 +132,7 @@ def peak(
         restitution=restitution if state.damped else 1.0,
         compliance_m_N=compliance_m_N if state.deflects else 0.0,
     )
-    return Peak(d, float(stiffness * d**1.5))
+    return float(stiffness * d**1.5)
 
 
 def materials_in_order(gangue_count: int, order: list[int]) -> list[str]:
@@ -156,13 +146,13 @@ def total_force_N(
 ) -> float:
     """Return the sum of the single peaks (37), N, for the material at each position.
 
-    Compliances and restitutions are those at each position, or one for all; further arguments are those of `peak`.
-    The sum is an upper bound, since the peaks of coal and gangue are some microseconds apart.
+    Compliances and restitutions are those at each position, or one for all; further arguments are those of
+    `peak_force_N`. The sum is an upper bound, since the peaks of coal and gangue are some microseconds apart.
     """
     count = len(rocks)
     rows = zip(rocks, np.broadcast_to(compliances_m_N, count), np.broadcast_to(restitutions, count), strict=True)
     return sum(
-        peak(state, rock, compliance_m_N=float(c), restitution=float(e), **impact).force_N for rock, c, e in rows
+        peak_force_N(state, rock, compliance_m_N=float(c), restitution=float(e), **impact) for rock, c, e in rows
     )
 
 

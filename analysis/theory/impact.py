@@ -14,8 +14,6 @@ all for the exponent 3/2:
 Only Flores' law gives nearly the wanted restitution at every e. The other two were made for e near 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ This is the only module of the package that needs `plate_fem`. It serves where t
 rods is wanted instead of the paper's beam formula.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ or foreign is found out by its hash and made anew. The directory is bounded: wha
 diskcache checks no hash, unpickles what it finds, and lets all who miss find the same.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import platform

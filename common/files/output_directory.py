@@ -8,8 +8,6 @@ A lock is a descriptor that processes which are started inherit, and lasts until
 that of filelock ends with the process that took it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -3,8 +3,6 @@
 This module is imported before anything else, so it imports nothing slow.
 """
 
-from __future__ import annotations
-
 import argparse
 import atexit
 import errno

@@ -1,7 +1,5 @@
 """What library code says while it works: messages of `logging`, which a command line lets through to the terminal."""
 
-from __future__ import annotations
-
 import logging
 import os
 import sys

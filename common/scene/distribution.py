@@ -1,7 +1,5 @@
 """How quantities of stones are spread: one value, or a law with bounds, and the `[scatter]` table of a scene."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Self
 
 import numpy as np

@@ -16,8 +16,6 @@ their sum. It is the error of the numerical solution. Breakage is chaotic, and d
 more (docs/accuracy.md).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path

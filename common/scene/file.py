@@ -1,7 +1,5 @@
 """The tables of a scene file: what it takes from the scene that it begins from, and materials by their names."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any
@@ -23,14 +21,19 @@ def scene_tables(path: str | Path, through: tuple[Path, ...] = (), sought: str =
     """
     data = _with_base(Path(path), through)
     data.pop("targets", None)
+    read_named(data, Path(path), sought)
+    return data
+
+
+def read_named(data: dict[str, Any], path: Path, sought: str = "") -> None:
+    """Put materials that are named in place of their names, and whole paths in place of those of shapes."""
     materials, shapes = data.get("materials"), data.get("shapes")
     if isinstance(materials, dict):
-        data["materials"] = {key: _material(Path(path), key, value, sought) if isinstance(value, str) else value
+        data["materials"] = {key: _material(path, key, value, sought) if isinstance(value, str) else value
                              for key, value in materials.items()}
     if isinstance(shapes, dict):
-        data["shapes"] = {key: str((Path(path).parent / value).resolve()) if isinstance(value, str) else value
+        data["shapes"] = {key: os.path.abspath(path.parent / value) if isinstance(value, str) else value
                           for key, value in shapes.items()}
-    return data
 
 
 def _with_base(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Strict, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, model_validator
 
 from common.channels import SENSORS, SensorKind
 from common.scene.file import scene_tables
@@ -25,14 +25,15 @@ WALL_FOOT_m = 0.01  # of a wall below the top face: no stone slips under it wher
 LEAST_DENSITY_kg_m3, MOST_DENSITY_kg_m3 = 0.1, 25_000.0
 
 
-def refuse_density(density_kg_m3: float) -> None:
-    """Raises Refused for a density that no solid has."""
+def _of_a_solid(density_kg_m3: float) -> float:
     if density_kg_m3 > MOST_DENSITY_kg_m3:
-        raise Refused("density_kg_m3", density_kg_m3, f"must be at most {MOST_DENSITY_kg_m3:g}: osmium, the densest "
-                      "solid, has 22 590")
+        raise ValueError(f"must be at most {MOST_DENSITY_kg_m3:g}: osmium, the densest solid, has 22 590")
     if density_kg_m3 < LEAST_DENSITY_kg_m3:
-        raise Refused("density_kg_m3", density_kg_m3, f"must be at least {LEAST_DENSITY_kg_m3:g}: aerographene, the "
-                      "lightest solid, has 0.16")
+        raise ValueError(f"must be at least {LEAST_DENSITY_kg_m3:g}: aerographene, the lightest solid, has 0.16")
+    return density_kg_m3
+
+
+Density = Annotated[Positive, AfterValidator(_of_a_solid)]
 
 
 def wall_box_m(edge: Edge, size_m: Sequence[float], height_m: float) -> tuple[float, ...]:
@@ -50,12 +51,7 @@ class Rod(Place):
     diameter_m: Annotated[Positive, about("diameter")]
     length_m: Annotated[Positive, about("length from the plate to the clamped end")]
     youngs_modulus_Pa: Annotated[Positive, about("Young's modulus")]
-    density_kg_m3: Annotated[Positive, about("density")]
-
-    @model_validator(mode="after")
-    def _is_a_solid(self) -> Self:
-        refuse_density(self.density_kg_m3)
-        return self
+    density_kg_m3: Annotated[Density, about("density")]
 
 
 @dataclass(frozen=True)
@@ -88,7 +84,7 @@ class Plate(Table):
     """What every plate has: its outline and its material."""
 
     size_m: Annotated[tuple[Positive, Positive], about("sides along x and y")]
-    density_kg_m3: Annotated[Positive, about("density", paper="Table 1: 7830")]
+    density_kg_m3: Annotated[Density, about("density", paper="Table 1: 7830")]
     youngs_modulus_Pa: Annotated[Positive, about("Young's modulus", paper="Table 1: 2.07e11")]
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5), about("Poisson's ratio", paper="Table 1: 0.3")]
     tilt_deg: Annotated[float, Field(ge=0, lt=90), about(
@@ -103,11 +99,6 @@ class Plate(Table):
     def wall_boxes_m(self) -> dict[Edge, tuple[float, ...]]:
         """XMIN XMAX YMIN YMAX ZMIN ZMAX of each wall by its edge."""
         return {edge: wall_box_m(edge, self.size_m, height) for edge, height in self.wall_height_m.items()}
-
-    @model_validator(mode="after")
-    def _is_a_solid(self) -> Self:
-        refuse_density(self.density_kg_m3)
-        return self
 
 
 class RigidPlate(Plate):

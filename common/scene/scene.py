@@ -4,21 +4,19 @@ A key is a field with its type, its bounds and, by `about`, its meaning and what
 and docs/scene.md are written from that: `python -m lab.scene_schema`.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from common.input_error import MOST_DEEP
 from common.scene.distribution import OF_DRAWN, ScatterTable
 from common.scene.error_laws import least_tolerance
-from common.scene.file import scene_tables
-from common.scene.plate import ContactStrength, FlexiblePlate, PlateTable, refuse_density
+from common.scene.file import read_named, scene_tables
+from common.scene.plate import ContactStrength, Density, FlexiblePlate, PlateTable
 from common.scene.stones import KINDS, SPHERE, AgglomerateTable, Kind, Shape, StonesTable
 from common.tables import InputError, NotNegative, Positive, Refused, Table, about, check, refuse_monstrous
 
@@ -26,6 +24,24 @@ LEAST_MODULUS_Pa = 5e6  # LIGGGHTS refuses less
 LEAST_STRENGTH_Pa = 100.0
 MOST_FRICTION = 10.0
 PLATE = "plate"  # the name under which `contacts` speaks of the plate
+
+
+def _that_holds(strength_Pa: float) -> float:
+    if strength_Pa < LEAST_STRENGTH_Pa:
+        raise ValueError(f"must be at least {LEAST_STRENGTH_Pa:g}, the weight of half a centimetre of rock: anything "
+                         "less is loose already")
+    return strength_Pa
+
+
+def _that_slips(friction: float) -> float:
+    if friction > MOST_FRICTION:
+        raise ValueError(f"must be at most {MOST_FRICTION:g}: rubber on rough ground has about 2, rock on steel less "
+                         "than 1")
+    return friction
+
+
+Strength = Annotated[Positive, AfterValidator(_that_holds)]
+Friction = Annotated[NotNegative, AfterValidator(_that_slips)]
 
 
 class TimeTable(Table):
@@ -57,8 +73,8 @@ class BondTable(Table):
 
     youngs_modulus_Pa: Annotated[Positive, about("Young's modulus of the bonds")]
     stiffness_ratio: Annotated[Positive, about("normal over shear stiffness, k_n/k_s")]
-    tensile_strength_Pa: Annotated[Positive, about("tensile strength")]
-    shear_strength_Pa: Annotated[Positive, about("shear strength, the cohesion")]
+    tensile_strength_Pa: Annotated[Strength, about("tensile strength")]
+    shear_strength_Pa: Annotated[Strength, about("shear strength, the cohesion")]
     friction_angle_deg: Annotated[float, Field(ge=0, lt=90), about("friction angle; 0: no Mohr-Coulomb")] = 0.0
     volumetric_ratio: Annotated[float, Field(ge=0, le=0.6), about(  # beyond, it would limit the time step
         "modulus of dilatation over that of the bonds; 0: none")] = 0.0
@@ -72,14 +88,6 @@ class BondTable(Table):
         "their correlation length, to 1/e; goes with flaw_modulus")] = None
 
     @model_validator(mode="after")
-    def _holds_together(self) -> Self:
-        for key in ("tensile_strength_Pa", "shear_strength_Pa"):
-            if getattr(self, key) < LEAST_STRENGTH_Pa:
-                raise Refused(key, getattr(self, key), f"must be at least {LEAST_STRENGTH_Pa:g}, the weight of half a "
-                              "centimetre of rock: anything less is loose already")
-        return self
-
-    @model_validator(mode="after")
     def _whole_field(self) -> Self:
         if (self.flaw_modulus is None) != (self.flaw_length_m is None):
             raise Refused("flaw_length_m", self.flaw_length_m, "must be given with flaw_modulus, and only with it")
@@ -91,7 +99,7 @@ class MaterialTable(Table):
 
     kind: Annotated[Kind | None, about(
         "what its stones count as; absent: as its name says, coal or gangue")] = None
-    density_kg_m3: Annotated[Positive, about("density", paper="Table 1: coal 1380, gangue 2400")]
+    density_kg_m3: Annotated[Density, about("density", paper="Table 1: coal 1380, gangue 2400")]
     youngs_modulus_Pa: Annotated[float, Field(ge=LEAST_MODULUS_Pa), about(
         "Young's modulus", paper="Table 1: coal 5.12e9, gangue 9.966e9")]
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5), about(
@@ -101,25 +109,13 @@ class MaterialTable(Table):
     )] = None
     bond: Annotated[BondTable | None, about("the bonds of agglomerates")] = None
 
-    @model_validator(mode="after")
-    def _is_a_solid(self) -> Self:
-        refuse_density(self.density_kg_m3)
-        return self
-
 
 class ContactTable(Table):
     """The contact of two materials."""
 
     # LIGGGHTS refuses a restitution of 0.05 and less.
     restitution: Annotated[float, Field(gt=0.05, le=1), about("coefficient of restitution")]
-    friction: Annotated[NotNegative, about("coefficient of friction")]
-
-    @model_validator(mode="after")
-    def _can_slip(self) -> Self:
-        if self.friction > MOST_FRICTION:
-            raise Refused("friction", self.friction, f"must be at most {MOST_FRICTION:g}: rubber on rough ground has "
-                          "about 2, rock on steel less than 1")
-        return self
+    friction: Annotated[Friction, about("coefficient of friction")]
 
 
 class Scene(Table):
@@ -356,6 +352,7 @@ def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:
             table.pop(last, None)
         else:
             table[last] = value
+            read_named(data, Path(path))
     refuse_monstrous(path, changes)
     return check(Scene, data, path)
 

@@ -5,8 +5,6 @@ drawn from distributions (`[stones.drawn]`), which are a stream where they come 
 makes one list of them.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -141,7 +139,7 @@ class StonesTable(Table):
     positions_m: Annotated[tuple[Pair, ...] | None, about(
         "place of the centre of each stone; a number alone: radius of their circle, stone 1 on the x axis",
         paper="0.1")] = None
-    gap_m: Annotated[float, Field(gt=0, le=100), about("gap to the plate at the start")] = 2e-5
+    gap_m: Annotated[float, Field(gt=0, le=100), about("gap to the plate at the start; gravity adds speed")] = 2e-5
     gangue_order: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(validate_default=True), about(
         "which stone turns into gangue first; those not named follow in ascending order")] = ()
     gangue_ratio: Annotated[Annotated[float, Field(ge=0, le=1)] | None, about(

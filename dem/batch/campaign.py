@@ -12,12 +12,9 @@ changed scene gives new directories, an unchanged one is found finished, and eac
 recognition read as they read any other.
 """
 
-from __future__ import annotations
-
 import itertools
 import logging
 import sys
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -48,19 +45,9 @@ class CampaignPlan(Table):
     vary: dict[str, list[Any]] = Field(min_length=1)
 
 
-@dataclass(frozen=True)
-class CampaignRun:
-    """`scene` file, `directory` below the campaign's directory, `changes` to the scene by dotted key, `np` MPI
-    ranks."""
-
-    scene: str
-    directory: str
-    changes: dict[str, Any]
-    np: int
-
-
-def plan_campaign(file: Path) -> list[CampaignRun]:
-    """Return every run of a campaign, all checked. Raises InputError."""
+def plan_campaign(file: Path) -> list[dict[str, Any]]:
+    """Return every run of a campaign, all checked: `place`, its directory below that of the campaign, `np`, its MPI
+    ranks, `scene`, its file, and the value of each key varied, in TOML. Raises InputError."""
     table = check(CampaignPlan, read_toml(file), file)
     scene_file = file.parent / table.scene
     for key, values in table.vary.items():
@@ -79,19 +66,17 @@ def plan_campaign(file: Path) -> list[CampaignRun]:
         group = scene_hash(scene.model_copy(update={"stones": scene.stones.model_copy(update={"gangue_ratio": 0.0})}))
         directory = f"{group}/{ratio_name(scene.stones.gangue_ratio or 0.0)}"
         if directory not in seen:  # a value given twice
-            runs.append(CampaignRun(str(scene_file.resolve()), directory, changes, scene.ranks))
+            runs.append({"place": directory, "np": scene.ranks, "scene": str(scene_file.resolve()),
+                         **{key: inline_toml(value) for key, value in changes.items()}})
         seen.add(directory)
     return runs
 
 
-def write_campaign_runs(runs: list[CampaignRun], out: Path) -> None:
-    """Write OUT/plan.csv: a row a run with `place`, its directory, `np`, `scene`, and a column of TOML values for each
-    key varied."""
+def write_campaign_runs(runs: list[dict[str, Any]], out: Path) -> None:
+    """Write OUT/plan.csv, a row a run."""
     out.mkdir(parents=True, exist_ok=True)
-    rows = [{"place": run.directory, "np": run.np, "scene": run.scene,
-             **{key: inline_toml(value) for key, value in run.changes.items()}} for run in runs]
     with written_whole(out / PLAN) as beside:
-        pd.DataFrame(rows).to_csv(beside, index=False)
+        pd.DataFrame(runs).to_csv(beside, index=False)
 
 
 def read_campaign_runs(out: Path) -> dict[str, tuple[int, list[str]]]:
@@ -129,6 +114,6 @@ def campaign(file: Path, out: Path, jobs: int, profile: str | None = None) -> Ba
     return BatchResult(out, len(runs), len(runs) - len(missing), failed)
 
 
-def _missing(out: Path, runs: list[CampaignRun]) -> list[str]:
+def _missing(out: Path, runs: list[dict[str, Any]]) -> list[str]:
     """Directories of runs that are not finished."""
-    return [run.directory for run in runs if not (out / run.directory / "run.json").exists()]
+    return [run["place"] for run in runs if not (out / run["place"] / "run.json").exists()]

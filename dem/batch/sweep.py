@@ -3,8 +3,6 @@
 Runs are processes of their own, some at a time, which end with this one.
 """
 
-from __future__ import annotations
-
 import logging
 import multiprocessing
 import os

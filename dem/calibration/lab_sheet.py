@@ -1,7 +1,5 @@
 """The lab sheet of a rock, E, nu, Brazilian strength, UCS and K, and the scene whose bonds are to be like it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

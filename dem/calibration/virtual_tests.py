@@ -20,8 +20,6 @@ the axis after a ramp.
 The specimen starts in the motion of homogeneous strain, so that no wave starts at the platens.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Build and find the engine and its library, tell where that is another than the tested one, and start the engine."""
 
-from __future__ import annotations
-
 import hashlib
 import logging
 import os

@@ -7,8 +7,6 @@ microseconds at a time. The kernel is asked by /proc for this process family alo
 of the machine to find children, which on a busy node costs more than a tenth of a core at the pace of these looks.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import select

@@ -12,8 +12,6 @@ the von Mises stress at its surface passes one. The pressure under a sub-sphere 
 packing; finer sub-spheres press harder. The pressure under a smooth stone is reported beside it.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from itertools import combinations_with_replacement
 from pathlib import Path

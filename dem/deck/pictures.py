@@ -1,7 +1,5 @@
 """When pictures are taken: evenly over the run, and densely while something pushes on the plate in an impact."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass

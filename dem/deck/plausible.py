@@ -3,8 +3,6 @@
 What is refused outright stands with the keys in common/scene/scene.py and common/scene/plate.py.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -2,8 +2,6 @@
 from which the engine reads each stone when it enters (dem/engine/stones/stone_file.h).
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The DEM time step with each limit that could set it, and the co-step of the plate."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -19,8 +19,6 @@ displacement in a step, numbers that are none, energy that bonds or contacts giv
 the particles. This half watches the plate, whose energy the engine does not know, and the ledger of the whole run.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The streams of a run: what the plate did, what the stones pushed, which bonds broke."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -8,8 +8,6 @@ the files that the engine appends to, as well. A checkpoint counts when all of t
 plate has no half.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

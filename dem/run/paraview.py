@@ -6,8 +6,6 @@ a thirtieth of zlib's time for floating-point numbers and leaves less; lists of 
 repetitions; what is the same in the next picture is compressed once.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Callable, Iterator

@@ -7,8 +7,6 @@ force linearly, 2 F0 - F1 from the last two. When the true mean force of that ti
 exactly. The scheme is of second order in the time between messages, and conserves the impulse to round-off.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass

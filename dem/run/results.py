@@ -1,7 +1,5 @@
 """The results of a finished simulation: the tables of the run directory, and what run.json says."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import logging
 import math

@@ -2,8 +2,6 @@
 and how a run can end earlier.
 """
 
-from __future__ import annotations
-
 import hashlib
 import logging
 import shutil

@@ -5,8 +5,6 @@ Of what is drawn, each quantity has a random stream of its own, so that a change
 at another mixing ratio the same stones fall at the same places, and only their material changes.
 """
 
-from __future__ import annotations
-
 import zlib
 from dataclasses import replace
 from functools import partial

@@ -10,8 +10,6 @@ dilatation theta of each sub-sphere may have an energy (docs/bonds.md):
     theta = 3 sum of A (r - L) / W,   W = sum of A L over its bonds,   U = kappa (W/6) theta^2/2,   kappa in shares of E
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -10,8 +10,6 @@ A stone is of a substance: a material of the scene, and what its stones have of 
 the engine. Density and strength are not among its properties: sub-spheres have a mass each, and bonds a factor each.
 """
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Sequence

@@ -16,10 +16,11 @@ from analysis import Run, read_sweep
 from analysis.signals.features import BASE_PARAMETERS, signal_features
 from analysis.sweep.runs import Sweep
 from common.channels import ACCELEROMETERS
+from common.process.processes import side_by_side
 from dem.record.recorder import samples_of
 from lab.study import Row
 from recognition.methods import METHODS
-from recognition.models import leave_one_out
+from recognition.models import PreparedRuns
 from report.page import STATEMENTS
 from report.sweep_results import SweepResults
 from report.verdicts import VERDICTS, check_statements
@@ -50,7 +51,8 @@ def anti_alias(out: Path, sweep: str = "runs/paper") -> Iterator[Row]:
     @cache
     def errors(filtered: bool) -> dict[str, float]:
         runs = taken(filtered).runs
-        answers = leave_one_out(runs)
+        prepared = PreparedRuns.of(runs)
+        answers = side_by_side(prepared.answers_without, len(runs))
         return {name: 100 * float(np.mean([abs(one[name].ratio - run.gangue_ratio)
                                            for one, run in zip(answers, runs, strict=True)])) for name in METHODS}
 

@@ -17,13 +17,7 @@ import numpy as np
 import pandas as pd
 
 from common.tables import read_toml
-from dem.calibration.virtual_tests import (
-    Rock,
-    Specimen,
-    brazilian_specimen,
-    run_test,
-    tension_specimen,
-)
+from dem.calibration.virtual_tests import Rock, Specimen, brazilian_specimen, run_test, tension_specimen
 from lab.rock.stone import SCENES
 from lab.study import Row
 

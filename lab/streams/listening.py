@@ -25,16 +25,7 @@ from lab.known_truth.machine_noise import KINDS, noise
 from lab.known_truth.simulated import Stream
 from lab.known_truth.stone_histories import histories
 from lab.streams.differences import Difference, differences
-from lab.streams.known_streams import (
-    ONE,
-    SCENE,
-    Case,
-    HIGHEST_Hz,
-    heard,
-    stream,
-    tapped,
-    true_plate,
-)
+from lab.streams.known_streams import ONE, SCENE, Case, HIGHEST_Hz, heard, stream, tapped, true_plate
 from lab.study import Row
 from recognition.plate.plate_model import PlateModel
 from recognition.stream.recognise import RATE_Hz

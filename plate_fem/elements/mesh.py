@@ -5,8 +5,6 @@ are Kronecker products of integrals along its sides. Along a line, a side of the
 polynomials.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass

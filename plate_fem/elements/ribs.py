@@ -12,8 +12,6 @@ so that d from its side the plate is as stiff as one that is thicker by d. Bendi
 plate.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

@@ -2,8 +2,6 @@
 joints add to the theories of plate and rod, from a table that a solid gave.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

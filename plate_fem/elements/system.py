@@ -12,8 +12,6 @@ holds stretches where its first mode within the plane is among its lowest; the e
 far coarser than that of bending. With ribs it stretches wherever it bends, on the same grid.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Lowest modes of a sparse structure."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

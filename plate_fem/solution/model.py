@@ -21,8 +21,6 @@ U(k) = 2 (1 - nu^2) / (E k) * [(sinh x cosh x + x) / (sinh^2 x - x^2) - 1], x = 
 a disc of radius 1.4 t gives a Mindlin plate the compliance of this integral within 16 % (nu = 0.3).
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from functools import cached_property

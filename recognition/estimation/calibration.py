@@ -1,7 +1,5 @@
 """Quantiles of what a method does on held-out records: widths of intervals, and limits of the distribution."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from typing import Any

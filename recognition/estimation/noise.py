@@ -1,7 +1,5 @@
 """Noise of the sensors of a record: how loud it is, and records with more of it."""
 
-from __future__ import annotations
-
 from zlib import crc32
 
 import numpy as np

@@ -5,8 +5,6 @@ scaling is learnt from training runs alone, and sensor noise is added only to th
 of each run's own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -10,8 +10,6 @@ g maximise Whittle's likelihood of the record's spectrum times the prior of the 
 quiet beginning (coloured_noise.py).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

@@ -5,8 +5,6 @@ under a force that is constant over steps of FINE_S, and then pass the low pass 
 sampled (scipy's polyphase filter, as in analysis.signals.resampling).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TypeAlias
 

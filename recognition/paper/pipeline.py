@@ -1,7 +1,5 @@
 """Figure 38 as a pipeline: responses -> normalisation -> Kalman fusion -> function space -> ratio."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Self
 

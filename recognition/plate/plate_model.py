@@ -2,8 +2,6 @@
 motion of modes under forces that are constant over each sample interval.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property

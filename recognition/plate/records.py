@@ -1,7 +1,5 @@
 """Records of a plate's sensors, from files."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

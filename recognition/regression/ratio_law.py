@@ -10,8 +10,6 @@ outside them is an estimate of s^2. S is shrunk (OAS, Chen et al. 2010, IEEE Tra
 found by Gauss-Newton from the best point of a grid.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement

@@ -4,8 +4,6 @@ So gains and swapped sensors show without any knowledge of what struck the plate
 sensors have in common does not show.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations, permutations
 

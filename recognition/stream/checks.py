@@ -1,7 +1,5 @@
 """Whether stones on this plate explain a record; where they do not, no ratio is given."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

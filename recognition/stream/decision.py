@@ -9,8 +9,6 @@ are known, by stones drawn from the laws that were learnt (a Dirichlet process a
 so are delay and false alarms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace

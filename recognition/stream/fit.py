@@ -3,8 +3,6 @@
 Stones are rows (k, 6) of parameters, see `recognition.innovations.bank`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """The command `listen`: the stones of a stream one by one, and the file that says which of them one knows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command `listen` on samples as they come: what is heard is told at once, a line of JSON each."""
 
-from __future__ import annotations
-
 import ctypes
 import json
 import logging
@@ -28,15 +26,7 @@ from recognition.stream.listen import PART, PARTS, Heard
 from recognition.stream.recognise import LEAST_DOUBT, RATE_SHARE, Ear, RATE_Hz, sensors_of
 from recognition.stream.source import Source
 from recognition.stream.stone_law import UNKNOWN
-from recognition.stream.stones import (
-    COLUMNS,
-    Known,
-    cautions,
-    first_touches,
-    ratios_of,
-    rows_of,
-    told_of,
-)
+from recognition.stream.stones import COLUMNS, Known, cautions, first_touches, ratios_of, rows_of, told_of
 
 _log = logging.getLogger(__name__)
 LAST_STONES = 100  # of which the share that is no stone is told

@@ -1,7 +1,5 @@
 """From a record to stones: its channels, noise, the plate's ringing, innovations, stones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from time import process_time

@@ -3,8 +3,6 @@
     {"rate_Hz": 51200, "channels": ["north", "east"], "unit": "g"}
 """
 
-from __future__ import annotations
-
 import json
 import os
 import socket

@@ -1,7 +1,5 @@
 """The list of stones that were heard, and the mixing ratio in a window that slides over it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -3,8 +3,6 @@ mode is, and the error that is left; and its modes for programs of modal analysi
 `records`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Records of taps at known places."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -5,8 +5,6 @@ end before the plate is still. A large alpha broadens every resonance, which let
 off; a small one gives the finest resolution.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

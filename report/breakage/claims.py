@@ -1,20 +1,10 @@
 """Statements of Section III on breakage."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from report.missing import MissingResult
 from report.sweep_results import SweepResults
-from report.verdicts import (
-    HELD,
-    NOT_HELD,
-    Finding,
-    Statement,
-    graded,
-    held_if,
-    trend,
-)
+from report.verdicts import HELD, NOT_HELD, Finding, Statement, graded, held_if, trend
 
 
 def _half(results: SweepResults) -> tuple[np.ndarray, np.ndarray]:

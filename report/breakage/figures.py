@@ -1,7 +1,5 @@
 """The figures of breakage: Figures 13 to 15 of the paper."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection

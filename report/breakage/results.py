@@ -1,7 +1,5 @@
 """Cracks, damage and fragments of the stones (Figures 13 to 15)."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The numbers of a drawn figure as CSV, so that each picture of the report carries its data."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """A figure of the report before and after it is drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,21 +1,10 @@
 """What many chapters draw: curves over time, thinned to what a screen can show, and values against the mixing ratio."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from report.drawing.style import (
-    ACCENT,
-    COAL,
-    GANGUE,
-    PALE,
-    RATIO_LABEL,
-    add_ratio_bar,
-    canvas,
-    ratio_colours,
-)
+from report.drawing.style import ACCENT, COAL, GANGUE, PALE, RATIO_LABEL, add_ratio_bar, canvas, ratio_colours
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 

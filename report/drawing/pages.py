@@ -1,7 +1,5 @@
 """What all pages of the report are made by: templates, and tables as text between commas."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence

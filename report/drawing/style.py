@@ -1,7 +1,5 @@
 """The look of all figures, and how a figure gets into the page."""
 
-from __future__ import annotations
-
 import base64
 import io
 from collections.abc import Iterable

@@ -4,8 +4,6 @@ Values over time become whole numbers of a quantum, and of these only the error 
 instants before is kept: stones in flight, most of the film, give almost nothing but zeros, which gzip removes.
 """
 
-from __future__ import annotations
-
 import base64
 import gzip
 

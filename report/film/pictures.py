@@ -4,8 +4,6 @@ meshio turns arrays that are appended as bytes into text and back, and reads tho
 times as long as what reads the arrays here.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 import zlib
 from collections.abc import Collection

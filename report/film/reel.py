@@ -1,7 +1,5 @@
 """All that the page's view shows of one run, packed as one JSON object a run."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The picture that stands where the page's view will be: seen by the same camera, drawn without a graphics card."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

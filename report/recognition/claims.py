@@ -1,7 +1,5 @@
 """Statements of Section V: fused parameter Q, Kalman filter, fusion and recognition."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from common.channels import RESPONSES

@@ -1,7 +1,5 @@
 """The figures of recognition: Figures 24 to 38 of the paper."""
 
-from __future__ import annotations
-
 from itertools import cycle
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recognition of the mixing ratio from the runs: Q, Kalman filter, fusion, answers (Section V, Figures 24 to 38)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Tables of recognition."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from analysis.signals.features import BASE_PARAMETERS

@@ -1,7 +1,5 @@
 """Statements of Section III on the response of the plate."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from analysis.sweep import breakage

@@ -1,7 +1,5 @@
 """The figures of the plate's response: Figures 16 to 21 of the paper."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -12,15 +10,7 @@ from matplotlib.figure import Figure
 from analysis import RecordError, Run
 from report.drawing.figure_spec import Drawn, figure
 from report.drawing.lines import against_ratio, curves, envelope
-from report.drawing.style import (
-    ACCENT,
-    STRESS_COLOURS,
-    bar_axes,
-    canvas,
-    hide_scales,
-    material_colour,
-    ratio_colours,
-)
+from report.drawing.style import ACCENT, STRESS_COLOURS, bar_axes, canvas, hide_scales, material_colour, ratio_colours
 from report.missing import MissingResult
 from report.sweep_results import SweepResults
 

@@ -1,7 +1,5 @@
 """Modes and stress of the plate, driven again by the recorded forces (Figures 20 and 21)."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Any
 

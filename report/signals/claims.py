@@ -1,23 +1,12 @@
 """Statements of Section IV: time-frequency parameters of the acceleration."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from report.missing import MissingResult
 from report.sweep_results import SweepResults
-from report.verdicts import (
-    Finding,
-    Statement,
-    Test,
-    all_rise,
-    graded,
-    held_if,
-    held_if_all,
-    spearman,
-)
+from report.verdicts import Finding, Statement, Test, all_rise, graded, held_if, held_if_all, spearman
 
 
 def number_of_imfs_differs(results: SweepResults) -> Finding:

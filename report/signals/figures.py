@@ -1,7 +1,5 @@
 """The figures of signal analysis: Figures 22 and 23 of the paper."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from analysis.signals.hilbert import hilbert_spectrum, marginal_spectrum

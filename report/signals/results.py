@@ -1,7 +1,5 @@
 """Time-frequency analysis of the plate's acceleration (Section IV, Figures 22 and 23)."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The figures of a stream: what the plate felt, what fell over time, its pieces, and what was heard of it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -126,7 +124,7 @@ def pieces(results: StreamResults) -> Drawn:
     events, left, end_s = results.run.breakage, results.left, results.end_s
     gangue = results.stones["is_gangue"].to_numpy()[events["agglomerate"].to_numpy(dtype=int) - 1]
     try:
-        masses_kg, note = results.piece_masses_kg, ""
+        masses_kg, note = {kind: mass for kind, mass in results.piece_masses_kg.items() if len(mass)}, ""
     except RecordError as reason:
         masses_kg, note = {}, f"Sizes not drawn: {reason}."
     figure, axes = canvas(3 if masses_kg else 2, height_in=5.2 if masses_kg else 3.6)
@@ -142,9 +140,8 @@ def pieces(results: StreamResults) -> Drawn:
         axis.legend()
     for kind, mass in masses_kg.items():
         order = np.sort(mass)
-        if len(order):
-            axes[2, 0].step(1e3 * order, 100 * np.cumsum(order) / order.sum(), where="post",
-                            color=material_colour(kind), label=kind)
+        axes[2, 0].step(1e3 * order, 100 * np.cumsum(order) / order.sum(), where="post", color=material_colour(kind),
+                        label=kind)
     if masses_kg:
         axes[2, 0].set(title="mass in pieces that are no larger, %", xlabel="mass of a piece, g", xscale="log")
         axes[2, 0].xaxis.set_major_formatter("{x:g}")

@@ -1,8 +1,6 @@
 """What fell in the run of a stream, what broke of it, what left, and what `listen` heard of it, each computed once when
 it is asked for."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import get_args

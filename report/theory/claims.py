@@ -1,7 +1,5 @@
 """Statements of Section II: the theory of a sphere's impact in four states."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from analysis.theory.contact_states import STATES

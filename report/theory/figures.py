@@ -1,7 +1,5 @@
 """The figures of the theory: Figures 7 to 11 of the paper."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Rectangle

@@ -1,7 +1,5 @@
 """Peak forces by the paper's theory of four contact states (Section II, Figures 9 and 10)."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +11,7 @@ from analysis.theory.contact_states import (
     State,
     beam_compliance,
     materials_in_order,
-    peak,
+    peak_force_N,
     setup_of,
     total_force_N,
 )
@@ -42,9 +40,9 @@ class TheoryResults:
     def single_peaks_N(self, x_m: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
         """Return the peak force of one sphere at each x_m (Figure 9): {material: {state: shape of x_m}}."""
         s, compliance = self.setup, self.beam_compliance_m_N(x_m)
-        return {name: {key: np.array([peak(
+        return {name: {key: np.array([peak_force_N(
             state, rock, radius_m=s.radius_m, speed_m_s=s.speed_m_s, plate=s.plate, restitution=s.restitution[name],
-            compliance_m_N=one).force_N for one in compliance]) for key, state in STATES.items()}
+            compliance_m_N=one) for one in compliance]) for key, state in STATES.items()}
             for name, rock in s.rocks.items()}
 
     @cached_property

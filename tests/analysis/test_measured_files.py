@@ -6,6 +6,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from analysis import RecordError, read_record
+from analysis.files.readers import read_signals
 from analysis.files.text_tables import read_plain_table, read_text_table
 from common.files.parquet import read_numbers, write_parquet
 
@@ -209,6 +210,18 @@ def test_a_table_of_arrays_is_written_as_pandas_writes_it(tmp_path, rows):
     own, of_pandas = (pq.read_table(file).replace_schema_metadata() for file in files)
     assert own.equals(of_pandas) and own.column("gap").null_count == -(-rows // 2)
     pd.testing.assert_frame_equal(*map(pd.read_parquet, files))
+
+
+@pytest.mark.parametrize("begin", [pd.Timestamp("2026-03-01"), pd.Timestamp("2026-03-01", tz="Asia/Shanghai"),
+                                   pd.Timedelta(0)], ids=["date", "zone", "span"])
+def test_dates_and_an_index_of_times_give_the_rate_in_seconds(tmp_path, begin):
+    x = np.sin(np.arange(100))
+    table = pd.DataFrame({"time": begin + pd.to_timedelta(np.arange(100) / 1000.0, unit="s"), "acc_a_m_s2": x})
+    table.to_parquet(tmp_path / "column.parquet")
+    table.set_index("time").to_parquet(tmp_path / "index.parquet")
+    for name in ("column", "index"):
+        assert read_record(tmp_path / f"{name}.parquet").rate_Hz == pytest.approx(1000.0)
+        np.testing.assert_allclose(read_signals(tmp_path / f"{name}.parquet").t_s, np.arange(100) / 1000.0, atol=1e-9)
 
 
 def test_rounded_times_agree_with_the_rate_that_is_told(tmp_path):

@@ -73,27 +73,27 @@ def test_a_plan_holds_every_combination_once_and_repeats(tmp_path):
     file = campaign_file(tmp_path, **{"stones.speed_m_s": [1.0, 2.0, 2.0], "stones.gangue_ratio": [0.0, 1.0],
                                       "stones.positions_m": [[[0.0, 0.0]], [[0.1, 0.0]]]})
     runs = plan_campaign(file)
-    assert {run.scene for run in runs} == {str(STONE.resolve())}
-    assert len(runs) == len({run.directory for run in runs}) == 2 * 2 * 2
+    assert {run["scene"] for run in runs} == {str(STONE.resolve())}
+    assert len(runs) == len({run["place"] for run in runs}) == 2 * 2 * 2
     assert plan_campaign(file) == runs
     write_campaign_runs(runs, tmp_path)
     assert list(pd.read_csv(tmp_path / "plan.csv")["stones.speed_m_s"].unique()) == [1.0, 2.0]
     # What `--set` reads is what was planned.
-    np_ranks, arguments = read_campaign_runs(tmp_path)[runs[5].directory]
+    np_ranks, arguments = read_campaign_runs(tmp_path)[runs[5]["place"]]
     assert np_ranks == 1
     assert main(["deck", *arguments, "--out", str(tmp_path / "deck")]) == 0
-    assert f"velocity        all set 0 0 {-runs[5].changes['stones.speed_m_s']}" in (
+    assert f"velocity        all set 0 0 {-float(runs[5]['stones.speed_m_s'])}" in (
         tmp_path / "deck" / "deck" / "deck.liggghts").read_text()
 
 
 def test_a_changed_scene_gets_other_directories(tmp_path):
     vary = {"stones.gangue_ratio": [0.0]}
-    before = {run.directory for run in plan_campaign(campaign_file(tmp_path, **vary))}
+    before = {run["place"] for run in plan_campaign(campaign_file(tmp_path, **vary))}
     changed = tmp_path / "changed.toml"
     changed.write_text(STONE.read_text().replace("duration_s = 3e-4", "duration_s = 4.5e-4"))
     file = campaign_file(tmp_path, **vary)
     file.write_text(file.read_text().replace(str(STONE), str(changed)))
-    after = {run.directory for run in plan_campaign(file)}
+    after = {run["place"] for run in plan_campaign(file)}
     assert before.isdisjoint(after)
     assert scene_hash(read_scene(changed)) != scene_hash(read_scene(STONE))
 

@@ -11,14 +11,7 @@ from scipy.sparse.linalg import eigsh, spsolve
 
 from dem.deck.time_step import DAMPED_SHARE, bond_fraction, undamped_limit
 from dem.stones.assembly import CONTACT_RADIUS_RATIO
-from dem.stones.bonds import (
-    Bonds,
-    bond_matrices,
-    bond_network,
-    network_stiffness,
-    sphere_energies,
-    stiffness_matrix,
-)
+from dem.stones.bonds import Bonds, bond_matrices, bond_network, network_stiffness, sphere_energies, stiffness_matrix
 from dem.stones.packing import CylinderContainer, Packing, pack, pack_sphere
 from tests.dem.highest_frequency import highest_frequency_rad_s
 

@@ -11,13 +11,7 @@ from scenes_of_tests import SCENES
 from common.scene.scene import BondTable, read_scene
 from common.tables import InputError, check, read_toml
 from dem.__main__ import main
-from dem.calibration.calibrate import (
-    CHECK_SEEDS,
-    TargetTable,
-    calibrate,
-    fit_strengths,
-    fracture_energy,
-)
+from dem.calibration.calibrate import CHECK_SEEDS, TargetTable, calibrate, fit_strengths, fracture_energy
 from dem.calibration.lab_sheet import TARGETS, find_sheet, scene_with
 from dem.calibration.virtual_tests import (
     LoadHistory,
@@ -211,7 +205,13 @@ def test_a_calibration_that_was_killed_can_be_repeated(tmp_path, capsys, monkeyp
         assert main(arguments) == 130
     made = {directory.name for directory in (tmp_path / "coal.partial").iterdir()}
     assert {"Brazilian", "compression", "tension"} <= made
+    monkeypatch.setattr("dem.calibration.calibrate.MISSED", 1e-4)
     assert main(arguments) == 0 and (tmp_path / "coal.toml").exists(), capsys.readouterr().err
+    told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: ")]
+    reached = read_toml(tmp_path / "coal.toml")["reached"]["youngs_modulus_Pa"]["mean"]
+    assert any(f"youngs_modulus_Pa = 5.12e+09: packings that took no part in the fit reach {reached:.4g}" in line
+               for line in told)
+    assert not any("compressive" in line for line in told)  # which is met
 
 
 def test_the_sheet_stands_in_a_file_or_in_the_scene(tmp_path):
@@ -229,6 +229,8 @@ def test_the_sheet_stands_in_a_file_or_in_the_scene(tmp_path):
         assert (found.rock, found.where, found.table["tensile_strength_Pa"]) == ("sandstone", where, 7e6)
         material = scene_with("gangue", scene, found.table).materials["gangue"]
         assert (material.density_kg_m3, material.youngs_modulus_Pa, material.poisson_ratio) == (2500.0, 1.5e10, 0.2)
+    with pytest.raises(InputError, match="sheet.toml: youngs_modulus_Pa = 15: must be"):
+        check(TargetTable, found.table | {"youngs_modulus_Pa": 15}, sheet)
     assert find_sheet("gangue", scene, rock="hard_coal").table == read_toml(TARGETS)["hard_coal"]
     scene.write_text('base = "paper.toml"\n[targets.coal]\n' + numbers)
     assert read_scene(scene) == read_scene(SCENES / "paper.toml")

@@ -7,13 +7,7 @@ from scipy.spatial.transform import Rotation
 from test_bond_breaking import load_one_bond
 from test_bond_parallel import strike, trembles_on
 
-from dem.stones.bonds import (
-    Bonds,
-    bond_network,
-    dilatations,
-    network_stiffness,
-    stiffness_matrix,
-)
+from dem.stones.bonds import Bonds, bond_network, dilatations, network_stiffness, stiffness_matrix
 from dem.stones.packing import pack_sphere
 from tests.dem.highest_frequency import highest_frequency_rad_s
 

@@ -61,8 +61,7 @@ def test_motion_is_written_and_said(runs, tmp_path, capsys):
 
 
 def test_a_row_a_run_and_a_row_a_stone(runs, tmp_path, capsys):
-    assert main(["table", str(runs), "--csv"]) == 0
-    (tmp_path / "a.csv").write_text(capsys.readouterr().out)
+    assert main(["--quiet", "table", str(runs), "--out", str(tmp_path / "a.csv")]) == 0
     table = pd.read_csv(tmp_path / "a.csv")
     assert list(table["run"]) == ["speed_1.5", "speed_3"] and list(table["stones.speed_m_s"]) == [1.5, 3.0]
     assert not [name for name in table if "." in name and name != "stones.speed_m_s"]  # all else is the same

@@ -21,7 +21,7 @@ COMMANDS = {
 }
 OPTIONS = ["--out", "--gangue", "--set", "--jobs", "--overwrite", "--walltime", "--profile", "--scene", "--model",
            "--plate", "--taps", "--radius", "--speed", "--window", "--step", "--max-frequency", "--json", "--quiet", "--rock",
-           "--method", "--column", "--rate", "--scale", "--unit", "--resample", "--no-filter"]
+           "--column", "--rate", "--scale", "--unit", "--resample", "--no-filter"]
 WORDS = ["bad.toml", "short.toml", "record.csv", "run", "out", "mine", "mine/file", ".", "..", "nowhere/at/all", "0", "-1", "1",
          "nan", "1e12", "coal", "stones.speed_m_s=2.0", "time.duration_s=-1", "=", "a.b.c=[", "/dev/null", "/dev/zero", "/",
          *[word for word in HOSTILE if "\x00" not in word]]

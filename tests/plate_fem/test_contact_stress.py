@@ -7,14 +7,7 @@ import pytest
 from plates import plate
 
 from plate_fem.modes import plate_modes
-from plate_fem.stress import (
-    YIELD_PRESSURE,
-    HertzContact,
-    contact_surface_stress,
-    total_stress,
-    von_mises,
-    von_mises_3d,
-)
+from plate_fem.stress import YIELD_PRESSURE, HertzContact, contact_surface_stress, total_stress, von_mises, von_mises_3d
 
 # Gangue of the paper's Table 1 at 3 m/s: K = 2.1763e9 N/m^1.5 = 4/3 E* sqrt(R), 7646.3 N, p0 632 MPa.
 GANGUE = HertzContact(0.0, 0.0, 7646.3, 0.025, 0.75 * 2.1763e9 / math.sqrt(0.025))

@@ -6,11 +6,12 @@ import pytest
 
 from analysis import read_sweep
 from common.files.whole import SEAL, seal
-from recognition import Model, RecognitionError, leave_one_out
+from recognition import Model, RecognitionError
 from recognition.__main__ import main
 from recognition.commands import RecogniseResult
 from recognition.estimation.answer import Answer
 from recognition.methods import METHODS
+from recognition.models import PreparedRuns
 from tests.analysis.synthetic import write_run, write_sweep
 
 RATIOS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
@@ -39,7 +40,9 @@ def test_unseen_ratios_are_recognised(model, tmp_path):
 
 def test_held_out_ratios(sweep_path):
     runs = read_sweep(sweep_path).runs
-    for run, answers in zip(runs, leave_one_out(runs), strict=True):
+    prepared = PreparedRuns.of(runs)
+    for held_out, run in enumerate(runs):
+        answers = prepared.answers_without(held_out)
         assert answers["fusion_q"].ratio == pytest.approx(run.gangue_ratio, abs=0.05)
         assert answers["energy_fusion_modified"].ratio == pytest.approx(run.gangue_ratio, abs=0.05)
 

@@ -7,8 +7,8 @@ from scipy.io import loadmat
 
 from analysis import RecordError
 from analysis.files.readers import read_signals
-from analysis.signals.features import FRAME, LEVELS, band_levels
 from lab.real import records
+from lab.real.records import FRAME, LEVELS, band_levels
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.sensors.channel_check import check_channels

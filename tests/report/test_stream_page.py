@@ -18,7 +18,7 @@ from common.scene.scene import changed_scene
 from dem.run.prepare import prepare
 from dem.run.run import run_scene
 from recognition.stream.stones import COLUMNS
-from report.stream.figures import fell, hits
+from report.stream.figures import fell, hits, pieces
 from report.stream.results import HEARD_WINDOW_S, StreamResults
 
 SCENE = Path(__file__).parents[2] / "scenes" / "stream.toml"
@@ -109,6 +109,16 @@ def test_stones_of_which_none_broke_are_drawn(force_N):
     figure, _ = hits.drawn(SimpleNamespace(touched=touched))
     figure.draw_without_rendering()
     assert figure.axes[1].get_title(loc="left") == "broken area, cm²: none"
+
+
+@pytest.mark.filterwarnings("error")
+def test_pieces_of_a_stream_of_which_no_stone_came_are_not_drawn():
+    none = np.empty(0)
+    figure, _ = pieces.drawn(SimpleNamespace(
+        run=SimpleNamespace(breakage=pd.DataFrame({"agglomerate": none, "t_s": none, "area_m2": none})),
+        left=pd.DataFrame({"is_chip": none.astype(bool), "t_s": none, "mass_kg": none}), end_s=1.0,
+        stones=pd.DataFrame({"is_gangue": [True]}), piece_masses_kg={"coal": none, "gangue": none}))
+    assert len(figure.axes) == 2
 
 
 def test_what_fell_is_drawn_from_the_beginning_to_the_end_also_of_one_stone():

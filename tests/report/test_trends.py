@@ -3,15 +3,7 @@
 import numpy as np
 import pytest
 
-from report.verdicts import (
-    falling_steps,
-    fluctuation,
-    overlap,
-    separation,
-    spearman,
-    stratification,
-    travel,
-)
+from report.verdicts import falling_steps, fluctuation, overlap, separation, spearman, stratification, travel
 
 RATIOS = np.arange(11) / 10
 

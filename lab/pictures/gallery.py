@@ -1,4 +1,4 @@
-"""The pictures of docs/gallery.md from a directory of runs: `python docs/pictures/gallery.py RUNS`."""
+"""The pictures of docs/gallery.md from a directory of runs: `python -m lab.pictures.gallery RUNS`."""
 
 import sys
 from pathlib import Path
@@ -13,11 +13,11 @@ from report.sweep_results import SweepResults
 
 SHOWN = ("fig-7", "fig-10", "fig-laws", "fig-area-time", "fig-18", "fig-19", "fig-hilbert", "fig-23", "fig-33",
          "fig-38")  # fmt: skip
-HERE = Path(__file__).parent
+PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
 
 
 def main(runs: str) -> None:
-    """Write the pictures beside this file, and print their rows of the table in docs/gallery.md."""
+    """Write the pictures, and print their rows of the table in docs/gallery.md."""
     results = SweepResults(read_sweep(runs))
     chapters = [*(figures for _, figures, _ in CHAPTERS), RECOGNITION_FIGURES]
     specs = {spec.key: spec for figures in chapters for spec in figures}
@@ -25,7 +25,7 @@ def main(runs: str) -> None:
         figure, _ = spec.drawn(results)
         with matplotlib.rc_context(STYLE):
             lay_out(figure)
-            figure.savefig(HERE / f"{spec.key}.png", dpi=110, facecolor="white", metadata={"Software": None})
+            figure.savefig(PICTURES / f"{spec.key}.png", dpi=110, facecolor="white", metadata={"Software": None})
         print(f"| ![{spec.title}](pictures/{spec.key}.png) | **{spec.title}.** {spec.caption} |")
 
 

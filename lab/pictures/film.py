@@ -1,4 +1,4 @@
-"""The README's picture and animation, taken from the view of a report: `python docs/pictures/film.py RUNS`.
+"""The README's picture and animation, taken from the view of a report: `python -m lab.pictures.film RUNS`.
 
 Needs RUNS/report.html with a moving view, Debian's chromium, and the extra `browser`.
 """
@@ -11,7 +11,8 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-HERE = Path(__file__).parent
+from lab.pictures.gallery import PICTURES
+
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PICTURE, ANIMATION = "impact.png", "impact.webp"
 FRAMES, FRAME_ms, MOST_BYTES = 60, 80, 3_000_000
@@ -49,9 +50,9 @@ def at(page, time_s):
 
 def write_picture(page):
     at(page, page.evaluate("film.player.momentOfLargestForce()"))
-    page.locator(".view").screenshot(path=HERE / PICTURE)
-    Image.open(HERE / PICTURE).convert("P", palette=Image.Palette.ADAPTIVE).save(HERE / PICTURE, optimize=True)
-    print(f"{PICTURE}: {(HERE / PICTURE).stat().st_size / 1e3:.0f} kB")
+    page.locator(".view").screenshot(path=PICTURES / PICTURE)
+    Image.open(PICTURES / PICTURE).convert("P", palette=Image.Palette.ADAPTIVE).save(PICTURES / PICTURE, optimize=True)
+    print(f"{PICTURE}: {(PICTURES / PICTURE).stat().st_size / 1e3:.0f} kB")
 
 
 def write_animation(page):
@@ -64,11 +65,11 @@ def write_animation(page):
         at(page, end_s * k / (FRAMES - 1))
         pictures.append(Image.open(io.BytesIO(page.screenshot(clip=box))).convert("RGB"))
     for quality in (75, 60, 45, 30):
-        pictures[0].save(HERE / ANIMATION, save_all=True, append_images=pictures[1:], duration=FRAME_ms, loop=0,
+        pictures[0].save(PICTURES / ANIMATION, save_all=True, append_images=pictures[1:], duration=FRAME_ms, loop=0,
                          quality=quality, method=4)  # fmt: skip
-        if (HERE / ANIMATION).stat().st_size < MOST_BYTES:
+        if (PICTURES / ANIMATION).stat().st_size < MOST_BYTES:
             break
-    print(f"{ANIMATION}: {(HERE / ANIMATION).stat().st_size / 1e3:.0f} kB, {FRAMES} pictures of {1e3 * end_s:g} ms")
+    print(f"{ANIMATION}: {(PICTURES / ANIMATION).stat().st_size / 1e3:.0f} kB, {FRAMES} pictures of {1e3 * end_s:g} ms")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Stress of the plate about the contacts of one instant: `python docs/pictures/contacts.py RUN PICTURE`; needs pyvista.
+"""Stress of the plate about the contacts of one instant: `python -m lab.pictures.contacts RUN PICTURE`; needs pyvista.
 
 Left the bending of the whole plate, right the patches of view.pvd about the contacts, at the instant of
 contacts.parquet with the largest force.
@@ -16,7 +16,7 @@ import pyvista as pv
 def main(run: Path, picture: Path) -> None:
     contacts = pd.read_parquet(run / "contacts.parquet")
     sets = ElementTree.parse(run / "view.pvd").getroot().findall("./Collection/DataSet")
-    files = {(round(1e9 * float(s.get("timestep"))), s.get("part")): run / s.get("file") for s in sets}
+    files = {(round(1e9 * float(s.attrib["timestep"])), s.attrib["part"]): run / s.attrib["file"] for s in sets}
     force = contacts.groupby("t_s")["force_N"].sum()
     t = next(t for t in force.sort_values(ascending=False).index if (round(1e9 * t), "3") in files)
     plate, patches = (pv.read(files[round(1e9 * t), part]) for part in "23")
