@@ -287,8 +287,8 @@ class PreparedRuns:
         """A model of the chosen runs; groups and conditions of these."""
         runs = [self.runs[k] for k in chosen]
         ratios = np.array([run.gangue_ratio for run in runs])
-        if np.unique(ratios).size < LEAST_RATIOS:
-            raise RecognitionError(f"{len(runs)} runs; needs at least {LEAST_RATIOS} different mixing ratios")
+        if (different := np.unique(ratios).size) < LEAST_RATIOS:
+            raise RecognitionError(f"{len(runs)} runs at {different} mixing ratios; needs at least {LEAST_RATIOS}")
         varied = [] if conditions is None else [name for name in conditions if np.ptp(conditions[name]) > 0]
         nuisance = conditions[varied] if conditions is not None and varied else None
         methods, left_out = {}, dict(self.left_out)

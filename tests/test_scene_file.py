@@ -111,7 +111,7 @@ def test_changes_name_materials_and_shapes_as_a_scene_does(tmp_path):
     assert changed_scene(scene, {"materials.coal": "hard_coal", "shapes.block": "x.stl"}) == said_in_file
     softer = changed_scene(scene, {"materials.coal": "hard_coal", "materials.coal.poisson_ratio": 0.25})
     assert softer.materials["coal"] == said_in_file.materials["coal"].model_copy(update={"poisson_ratio": 0.25})
-    with pytest.raises(InputError, match="slate.toml: cannot be read"):
+    with pytest.raises(InputError, match="scene.toml: materials.coal = 'slate': .*/slate.toml: cannot be read"):
         changed_scene(scene, {"materials.coal": "slate"})
 
 

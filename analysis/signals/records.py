@@ -119,7 +119,7 @@ def as_record(
     """Return a Record from an array with its rate, from a pandas Series, or from a Record.
 
     A Series needs no rate if its index is the time in seconds, a DatetimeIndex or a TimedeltaIndex.
-    Raises RecordError for a missing rate, or one that differs from that of the record.
+    Raises RecordError for a missing rate, or one that differs from that of the record, and for complex numbers.
 
     >>> import pandas as pd
     >>> as_record(pd.Series([0.0, 2.0, 1.0], index=[0.0, 0.5, 1.0], name="a_m_s2")).rate_Hz
@@ -129,6 +129,8 @@ def as_record(
         if rate_Hz is not None and not np.isclose(rate_Hz, signal.rate_Hz, rtol=1e-6):
             raise RecordError(f"{signal.name}: rate_Hz = {rate_Hz}; the record has {signal.rate_Hz:.6g}")
         return signal
+    if np.iscomplexobj(signal):
+        raise RecordError(f"{name or 'signal'}: complex numbers; needs real ones")
     if _is_series(signal):
         return _from_series(signal, rate_Hz, unit, name)
     if rate_Hz is None:

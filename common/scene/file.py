@@ -94,5 +94,8 @@ def _material(path: Path, key: str, name: str, sought: str) -> dict[str, Any]:
     if not name.isidentifier():
         raise InputError(f"{path}: materials.{key} = {name!r}: must be a table, or the name of a file in materials/")
     file = _found(path, f"materials/{name}.toml", "scenes")
-    table = {} if key == sought and not os.path.exists(file) else read_toml(file)
+    try:
+        table = {} if key == sought and not os.path.exists(file) else read_toml(file)
+    except InputError as error:
+        raise InputError(f"{path}: materials.{key} = {name!r}: {error}") from None
     return {of: table[of] for of in OF_A_MATERIAL if of in table}

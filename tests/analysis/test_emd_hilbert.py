@@ -192,3 +192,8 @@ def test_features_leave_out_imfs_that_hold_much_more_energy_than_the_record(tmp_
     found = json.loads(capsys.readouterr().out)
     assert "times the record's energy, where at most 2" in found["left_out"]
     assert "rms" in found["features"] and not any("imf" in name or "spectrum" in name for name in found["features"])
+
+
+def test_complex_numbers_are_no_signal():
+    with pytest.raises(RecordError, match="complex numbers"):
+        as_record(np.exp(1j * np.arange(9.0)), 1.0)

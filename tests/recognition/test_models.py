@@ -12,7 +12,7 @@ from recognition.commands import RecogniseResult
 from recognition.estimation.answer import Answer
 from recognition.methods import METHODS
 from recognition.models import PreparedRuns
-from tests.analysis.synthetic import write_run, write_sweep
+from tests.analysis.synthetic import write_sweep
 
 RATIOS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
 
@@ -153,7 +153,6 @@ def test_a_wide_interval_is_warned_of(low, high, reach):
     assert ["WARNING" in line and f"{reach} points" in line for line in lines] == ([True] if reach else [])
 
 
-def test_too_few_ratios(tmp_path):
-    write_run(tmp_path / "ratio_000", 0.0)
-    with pytest.raises(RecognitionError, match="at least 4"):
-        Model.fit(read_sweep(tmp_path).runs)
+def test_too_few_ratios(sweep_path):
+    with pytest.raises(RecognitionError, match="6 runs at 3 mixing ratios; needs at least 4"):
+        Model.fit(2 * read_sweep(sweep_path).runs[:3])
