@@ -75,11 +75,10 @@ void FixFreeFlight::find_surface(ArrayBody &b) const {
   b.outside = plate_->outside(tags);
   b.faces_outside = plate_->faces_outside();
   if (b.faces_outside > 0) b.plate = plate_;
-  const Sphere surface = plate_->surface(tags);
-  b.surface_radius = surface.radius;
-  if (surface.radius == 0) return;
-  b.surface_arm = surface.x - b.center;
-  b.radius = std::max(b.radius, norm(b.surface_arm) + surface.radius);
+  b.own_surface = plate_->surface(tags);
+  if (b.own_surface.outer == 0) return;
+  b.own_surface.x = b.own_surface.x - b.center;
+  b.radius = std::max(b.radius, norm(b.own_surface.x) + b.own_surface.outer);
 }
 
 bool FixFreeFlight::is_pushed(int label) const {

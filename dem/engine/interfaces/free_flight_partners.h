@@ -6,7 +6,7 @@ namespace LAMMPS_NS {
 
 struct Face;
 struct Rotation;
-struct Sphere;
+struct Shell;
 struct Vec;
 struct WallOutline;
 
@@ -47,10 +47,11 @@ class Obstacle {
   virtual ~Obstacle() {}
   virtual const double *extent() const = 0;  // XMIN XMAX YMIN YMAX, m
   virtual double reach() const = 0;          // bound for its |z| until the next message, m
-  // How far what touches may reach below the sub-spheres of a body with these tags, m; and the sphere that holds all with
-  // which it touches as a smooth stone, of radius 0 where it does not. All of its tags are in the arrays.
+  // How far what touches may reach below the sub-spheres of a body with these tags, m; and the smooth surface with
+  // which it touches as a stone. All of its tags are in the arrays.
   virtual double outside(const std::vector<int> &tags) const = 0;
-  virtual Sphere surface(const std::vector<int> &tags) const = 0;
+  virtual Shell surface(const std::vector<int> &tags) const = 0;
+  virtual double patch_height() const = 0;  // as in PlateOutline
   // How far a face may lie outside the sub-sphere behind it, m, and those with which sub-sphere i may come to touch.
   virtual double faces_outside() const = 0;
   virtual void add_faces(int i, std::vector<Face> &) = 0;

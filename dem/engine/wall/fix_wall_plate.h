@@ -53,7 +53,8 @@ class FixWallPlate : public FixWall, public Obstacle, public Pushed, public Ston
   const double *extent() const override { return extent_; }
   double reach() const override { return plate_reach(); }
   double outside(const std::vector<int> &tags) const override { return contact_->outside(tags); }
-  Sphere surface(const std::vector<int> &tags) const override { return contact_->surface(tags); }
+  Shell surface(const std::vector<int> &tags) const override { return contact_->surface(tags); }
+  double patch_height() const override { return contact_->listed_height(); }
   double faces_outside() const override { return contact_->faces_outside(); }
   void add_faces(int i, std::vector<Face> &faces) override { contact_->add_faces(i, faces); }
   int co_step() const override { return co_step_; }
