@@ -56,6 +56,7 @@ class Obstacle {
   virtual double faces_outside() const = 0;
   virtual void add_faces(int i, std::vector<Face> &) = 0;
   virtual int co_step() const = 0;           // steps; time may be skipped in multiples of this
+  virtual int longest_message() const = 0;   // steps from one message to the next, at most
   virtual bool is_quiet() const = 0;         // nothing is near it, and no co-step is open
   virtual void skip(long long co_steps) = 0; // so much time has passed without contact; only while it is quiet
   virtual void ask_reach() = 0;              // finds the reach anew; only while it is quiet, at the end of a step

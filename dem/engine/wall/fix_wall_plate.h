@@ -58,6 +58,7 @@ class FixWallPlate : public FixWall, public Obstacle, public Pushed, public Ston
   double faces_outside() const override { return contact_->faces_outside(); }
   void add_faces(int i, std::vector<Face> &faces) override { contact_->add_faces(i, faces); }
   int co_step() const override { return co_step_; }
+  int longest_message() const override { return co_step_ * (coupling_ ? coupling_->most_co_steps() : 1); }
   bool is_pushed() const override;
   std::vector<double> contacts_now() const override;
   bool is_quiet() const override { return step_in_co_step_ == 0 && !(coupling_ && coupling_->is_engaged()); }
