@@ -1,6 +1,7 @@
 """Engine and plate together where theory or an independent integration knows the answer."""
 
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -185,17 +186,22 @@ def test_the_scheme_is_of_second_order_in_the_co_step(runs):
     assert 1.8 < slope < 2.2, f"{slope:.2f}, {missing}"
 
 
+def with_weak_contact(monkeypatch, numbers):
+    """Decks have this `weak_contact`."""
+    render = dem.deck.render.render
+
+    def changed_deck(*given):
+        text = re.sub("weak_contact" + 4 * r" \S+", "", render(*given))
+        place = text.index("contact model", text.index("wall/plate"))
+        return f"{text[:place]}weak_contact {numbers} {text[place:]}"
+
+    monkeypatch.setattr(dem.deck.render, "render", changed_deck)
+
+
 def test_a_stone_that_another_strikes_just_above_the_plate_is_felt(tmp_path, monkeypatch):
     """Messages are rare, as they are where chips lie, which the large stone does here. The lower of two small stones comes
     40 um above the plate at a hundredth of the speed of the upper one, which gives it its own: whenever between two
     messages it touches, the plate gets the same impulse as by messages that are not rare."""
-    render = dem.deck.render.render
-
-    def with_rare_messages(*given):
-        text = render(*given)
-        place = text.index("contact model", text.index("wall/plate"))
-        return f"{text[:place]}weak_contact 1e9 1e9 64 64 {text[place:]}"
-
     def impulse_N_s(number, touch_s):
         small = {"material": "gangue", "radius_m": 0.003, "place_m": [0.1, 0.03]}
         scene = changed("elastic_plate", {
@@ -210,9 +216,26 @@ def test_a_stone_that_another_strikes_just_above_the_plate_is_felt(tmp_path, mon
         return pd.read_parquet(tmp_path / str(number) / "stones.parquet")["impulse_Ns"][1]
 
     expected = impulse_N_s("often", 1.1e-4)
-    monkeypatch.setattr(dem.deck.render, "render", with_rare_messages)
+    with_weak_contact(monkeypatch, "1e9 1e9 64 64")
     found = [impulse_N_s(k, 1e-4 + 5e-6 * k) for k in range(4)]
     assert found == pytest.approx([expected] * 4, rel=2e-3)
+
+
+def test_a_stone_that_comes_out_of_free_flight_finds_messages_frequent(tmp_path, monkeypatch):
+    """They are rare while a stone pushes weakly. Whenever between two of them another one strikes, work given is work
+    taken."""
+    with_weak_contact(monkeypatch, "1e9 0.05 32 32")
+    for k in range(4):
+        scene = changed("elastic_plate", {
+            **dict.fromkeys([f"stones.{name}" for name in ("count", "radius_m", "positions_m", "speed_m_s", "gangue_order",
+                                                          "gangue_ratio")]),
+            "stones.each": [{"material": "gangue", "radius_m": 0.025, "place_m": [-0.1, 0.0], "velocity_m_s": 0.05},
+                            {"material": "gangue", "radius_m": 0.01, "place_m": [0.1, 0.03], "velocity_m_s": 3.0,
+                             "arrival_s": 1.5e-4 + 5e-6 * k}],
+            "stones.gap_m": 1e-7, "time.duration_s": 3e-4, "time.view_interval_s": None,
+            "contacts.gangue_gangue": {"restitution": 1.0, "friction": 0.0}})
+        energy = run_scene(scene, "weak", tmp_path / str(k))["energy"]
+        assert energy["given_to_plate_J"] == pytest.approx(energy["plate_work_J"], rel=3e-3)
 
 
 def test_the_co_step_of_a_bonded_stone_is_short_enough(runs):

@@ -200,7 +200,7 @@ def flown(directory, aside, tolerance):
     """Velocities after, m/s, and at each thermo output how many sub-spheres are in the arrays, of two stones that begin
     1 mm apart."""
     meeting = Meeting.of("coal_coal_25_25_0.5_200")
-    scene = scene_of(meeting, 2, **of_all(friction=0.3), **{"time.duration_s": 3e-3, "time.free_flight_tolerance": tolerance})
+    scene = scene_of(meeting, 2, **of_all(friction=0.3), **{"time.duration_s": 2.6e-3, "time.free_flight_tolerance": tolerance})
     prepared = write_meeting(directory, scene, 0.5, 2 * R_m + 1e-3, aside)
     text = (directory / "deck" / "deck.liggghts").read_text()
     log = run_engine(directory / "deck", re.sub(r"thermo +\d+", "thermo 100", text))
@@ -220,6 +220,47 @@ def test_stones_that_pass_each_other_closely_stay_in_free_flight(tmp_path):
     found, in_arrays = flown(tmp_path, (2 * R_m + 5e-4) / (2 * R_m + 1e-3), 1e-4)
     assert found == pytest.approx(np.array([[0, 0, 0], [0, 0, -0.5]]), abs=1e-9)
     assert len(in_arrays) > 50 and (in_arrays == 0).mean() > 0.9
+
+
+def halves_flown(directory, tolerance, onto_plate, flat_first):
+    """Two stones are broken in halves. A half of the second comes down on the lower half of the first, or on the plate; the
+    others are out of the way. The lowest sub-sphere of its round side is 0.3 mm above its surface. Its height and
+    velocity after, m and m/s, and how many sub-spheres are in the arrays at each thermo output."""
+    scene = scene_of(COAL, 4, **of_all(0.5, 0.3), **{"time.duration_s": 2.6e-3, "time.free_flight_tolerance": tolerance})
+    write_meeting(directory, scene, 3.0, 2 * R_m, 0.0)
+    deck = directory / "deck"
+    surface = [line.split() for line in (deck / "surface.txt").read_text().splitlines()]
+    upper = np.array([float(row[2]) > 0 for row in surface if len(row) == 6])
+    second = np.arange(len(upper)) >= len(upper) // 2
+    bonds = np.loadtxt(deck / "bonds.txt")
+    kept = bonds[np.equal(*upper[bonds[:, :2].astype(int) - 1].T)]
+    np.savetxt(deck / "bonds.txt", kept, fmt=["%d"] * 3 + ["%.17g"] * 5)
+    head, atoms = (deck / "atoms.data").read_text().split("Atoms\n\n")
+    rows = np.array([line.split() for line in atoms.splitlines()], dtype=float)
+    x, radius = rows[:, 4:], 0.5 * rows[:, 2]
+    falls, waits = second & (upper == flat_first), ~second & ~upper
+    beneath = 0.0 if onto_plate else (x[waits, 2] + radius[waits]).max()
+    x[falls, 2] += beneath + (7e-3 if onto_plate else 5e-3) - (x[falls, 2] - radius[falls]).min()
+    for k, others in enumerate([second & ~falls, ~second & ~waits, *([waits] if onto_plate else [])]):
+        x[others, 0] += 0.1 * (k + 1)
+    head = re.sub(r"\S+( \S+ zlo)", r"-0.01\1", re.sub(r"\S+ xlo", "0.4 xlo", head))
+    (deck / "atoms.data").write_text(head + "Atoms\n\n" + "".join(
+        f"{row[0]:.0f} {row[1]:.0f} " + " ".join(f"{number:.17g}" for number in row[2:]) + "\n" for row in rows))
+    log = run_engine(deck, re.sub(r"thermo +\d+", "thermo 100", (deck / "deck.liggghts").read_text()))
+    in_arrays = re.findall(r"^ +\d+ +(\d+) +\S+ *$", log, re.MULTILINE)
+    last = list(read_dump(deck / "view.dump"))[-1][1][falls]
+    return np.average(last[:, 3:7], axis=0, weights=last[:, 7]), np.array(in_arrays, dtype=int)
+
+
+@pytest.mark.parametrize(("onto_plate", "flat_first"), [(False, True), (True, True), (True, False)])
+def test_a_fragment_flies_where_only_the_rest_of_its_stone_would_touch(tmp_path, onto_plate, flat_first):
+    """Above another fragment or the plate, into which its whole stone would reach. It strikes as by brute force."""
+    expected, _ = halves_flown(tmp_path / "brute", 0.0, onto_plate, flat_first)
+    found, in_arrays = halves_flown(tmp_path / "free", 1e-4, onto_plate, flat_first)
+    assert expected[3] > -2.5
+    assert found[0] == pytest.approx(expected[0], abs=1e-5)
+    assert found[1:] == pytest.approx(expected[1:], abs=1e-3 * 3.0)
+    assert (in_arrays == 0).mean() > 0.3
 
 
 def test_two_ranks_find_the_same(tmp_path):

@@ -10,7 +10,7 @@ namespace LAMMPS_NS {
 
 namespace {
 
-const int NUMBERS = 23;  // before the arrays in a row
+const int NUMBERS = 24;  // before the arrays in a row
 
 }  // namespace
 
@@ -18,7 +18,7 @@ FreeBody::FreeBody(const Atom *atom, ArrayBody &b, const Vec &weight, bigint ste
     : start(step), dt(dt) {
   mass = b.mass, radius = b.radius, outside = b.outside, agglomerate = b.agglomerate;
   faces_outside = b.faces_outside, is_still = b.is_still;
-  surface_radius = b.surface_radius, surface_arm = b.surface_arm;
+  own_surface = b.own_surface;
   motion = RigidMotion(b.center, b.velocity, weight, b.momentum, b.inertia, b.atoms.size() == 1);
   spin = motion.fastest_spin();
   kinetic_start = 0.5 * b.mass * dot(b.velocity, b.velocity) + motion.rotational_energy() + b.inner_energy;
@@ -37,9 +37,9 @@ FreeBody::FreeBody(const Atom *atom, ArrayBody &b, const Vec &weight, bigint ste
 void FreeBody::append_to(std::vector<double> &row) const {
   const double numbers[] = {double(start), dt, double(agglomerate), mass, kinetic_start, bond_elastic, pair_elastic,
                             double(is_leaving), double(is_waking), double(safe_until), double(meets_at), spin, radius,
-                            outside, double(parts.size()), double(packed.size()), surface_radius, surface_arm.x,
-                            surface_arm.y, surface_arm.z, faces_outside, double(own_faces.size()),
-                            double(is_still)};
+                            outside, double(parts.size()), double(packed.size()), own_surface.inner,
+                            own_surface.outer, own_surface.x.x, own_surface.x.y, own_surface.x.z, faces_outside,
+                            double(own_faces.size()), double(is_still)};
   row.insert(row.end(), numbers, numbers + NUMBERS);
   append_bytes(row, &motion, 1);
   append_bytes(row, parts.data(), parts.size());
@@ -52,8 +52,8 @@ FreeBody::FreeBody(const double *&row) {
   bond_elastic = row[5], pair_elastic = row[6], is_leaving = row[7] != 0, is_waking = row[8] != 0;
   safe_until = bigint(row[9]), meets_at = bigint(row[10]), spin = row[11], radius = row[12], outside = row[13];
   parts.resize(size_t(row[14])), packed.resize(size_t(row[15]));
-  surface_radius = row[16], surface_arm = Vec(row + 17), faces_outside = row[20];
-  own_faces.resize(size_t(row[21])), is_still = row[22] != 0;
+  own_surface = {Vec(row + 18), row[16], row[17]}, faces_outside = row[21];
+  own_faces.resize(size_t(row[22])), is_still = row[23] != 0;
   row += NUMBERS;
   take_bytes(row, &motion, 1);
   take_bytes(row, parts.data(), parts.size());

@@ -60,7 +60,7 @@ class FreeBody : public Outline {
   // A body that leaves the arrays at this step. `weight` is that of 1 kg, N, dt in s.
   FreeBody(const Atom *, ArrayBody &, const Vec &weight, bigint step, double dt);
 
-  Sphere surface() override { return {center + attitude()(surface_arm), surface_radius}; }
+  Shell surface() override { return {center + attitude()(own_surface.x), own_surface.inner, own_surface.outer}; }
   const Rotation &attitude() { return motion.attitude(time(step_)); }
   double kinetic() const {
     const Vec v0 = motion.velocity(0);

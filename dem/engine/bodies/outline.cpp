@@ -51,7 +51,7 @@ double time_into(double x, double low, double high, double v, double a, double f
 
 double spin_speed(Outline &a) { return a.spheres().size() == 1 ? 0 : a.spin * a.radius; }
 
-double surface_speed(const Outline &a) { return a.spin * norm(a.surface_arm); }
+double surface_speed(const Outline &a) { return a.spin * norm(a.own_surface.x); }
 
 // Time until a face can be parallel to the plate.
 double time_to_turn(const Face &face, double spin) {
@@ -60,12 +60,14 @@ double time_to_turn(const Face &face, double spin) {
   return spin > 0 ? angle / spin : NEVER_s;
 }
 
-// Time until sub-spheres, or smooth surfaces of two stones, can touch when the centres approach with `speed`.
+// Time until sub-spheres, or smooth surfaces of two stones, can touch when the centres approach with `speed`. Surfaces
+// begin to touch from outside: those that reach far into each other, as of fragments, must come apart first.
 double time_to_close(Outline &a, Outline &b, double speed) {
   const double time = gap(a, b) / (speed + spin_speed(a) + spin_speed(b));
-  if (a.agglomerate == b.agglomerate || std::min(a.surface_radius, b.surface_radius) == 0) return time;
-  const Sphere p = a.surface(), q = b.surface();
-  const double between = std::max(0.0, norm(p.x - q.x) - p.radius - q.radius);
+  if (a.agglomerate == b.agglomerate || std::min(a.own_surface.outer, b.own_surface.outer) == 0) return time;
+  const Shell p = a.surface(), q = b.surface();
+  const double apart = norm(p.x - q.x);
+  const double between = std::max({0.0, apart - p.outer - q.outer, p.inner + q.inner - apart});
   return std::min(time, between / (speed + surface_speed(a) + surface_speed(b)));
 }
 
@@ -105,9 +107,11 @@ double time_to_plate(Outline &body, const PlateOutline &plate, const Vec &weight
     const double rise = v.z - spin_speed(body);
     const double reach = plate.reach + (body.is_still ? body.outside : most_outside);
     double fine = std::min(time_to_fall(lowest - reach, rise, gravity), time_to_touch_with_face(body, plate, rise, gravity));
-    if (body.surface_radius > 0) {
-      const double foot = body.surface().x.z - body.surface_radius - plate.reach;
-      fine = std::min(fine, time_to_fall(foot, v.z - surface_speed(body), gravity));
+    if (body.own_surface.outer > 0) {
+      // Where a fragment's surface would be beneath the plate, its sub-spheres may still be too high for a patch.
+      const double foot = body.surface().x.z - body.own_surface.outer - plate.reach;
+      const double patch = time_to_fall(lowest - plate.reach - plate.patch_height, rise, gravity);
+      fine = std::min(fine, std::max(time_to_fall(foot, v.z - surface_speed(body), gravity), patch));
     }
     down = std::max(down, fine);
   }

@@ -10,6 +10,12 @@ struct Sphere {
   double radius;
 };
 
+// A smooth surface between two spheres about one point, m. Both radii are 0 where there is none.
+struct Shell {
+  Vec x;
+  double inner = 0, outer = 0;
+};
+
 // A flat face of a stone, with the sub-sphere behind it. It touches the plate only while it lies parallel to it.
 struct Face {
   Vec x;                // centre of the sub-sphere, m
@@ -29,12 +35,10 @@ class Outline {
   double spin = 0;       // bound for |omega|, rad/s
   double radius = 0;     // of the sphere about the centre of mass that holds the body and its smooth surface
   int agglomerate = 0;
-  // Of the sphere that holds the smooth surface with which it touches the plate and other stones: its radius, 0 where
-  // sub-spheres alone touch, and where its centre is from the centre of mass, m.
-  double surface_radius = 0;
-  Vec surface_arm;
+  // The smooth surface with which it touches the plate and other stones, from the centre of mass.
+  Shell own_surface;
   virtual ~Outline() {}
-  virtual Sphere surface() { return {center + surface_arm, surface_radius}; }
+  virtual Shell surface() { return {center + own_surface.x, own_surface.inner, own_surface.outer}; }
   // Its sub-spheres. They are placed when first asked for, where the sphere that holds the body is not enough.
   const std::vector<Sphere> &spheres() {
     if (spheres_.empty()) place(spheres_);
@@ -62,6 +66,7 @@ class Outline {
 struct PlateOutline {
   double extent[4];  // XMIN XMAX YMIN YMAX, m
   double reach;      // m
+  double patch_height;  // of the lowest sub-sphere of a smooth surface above where that presses, at most, m
 };
 
 // A wall for bodies in the air: a box that is flat along one axis, m.

@@ -83,7 +83,7 @@ class PlateContact {
   virtual double listed_height() const { return 0; }
   // Of a body, see Obstacle.
   virtual double outside(const std::vector<int> &) const { return 0; }
-  virtual Sphere surface(const std::vector<int> &) const { return {Vec(), 0}; }
+  virtual Shell surface(const std::vector<int> &) const { return {}; }
   virtual double faces_outside() const { return 0; }
   virtual void add_faces(int, std::vector<Face> &) {}
   // When the list of what is near is made anew: fills in NearSphere::outside. All ranks call it together.

@@ -42,6 +42,7 @@ class PlateCoupling {
 
   double reach() const { return link_.reach; }  // bounds |w| until the next message, m
   bool is_engaged() const { return engaged_; }
+  int most_co_steps() const { return weak_.most_co_steps; }  // that a message serves
   void skip(long long co_steps) { co_steps_passed_ += co_steps; }
   void ask_reach();
   void finish();

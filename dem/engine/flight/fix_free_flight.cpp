@@ -91,6 +91,7 @@ void FixFreeFlight::setup(int) {
   std::fill(calm_.begin(), calm_.end(), 0);
   still_ = calm_;
   if (plate_) std::copy(plate_->extent(), plate_->extent() + 4, outline_.extent);
+  outline_.patch_height = plate_ ? plate_->patch_height() : 0;
   outline_.reach = -1;  // none known
   next_reneighbor = -1;
 }

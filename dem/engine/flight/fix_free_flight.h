@@ -107,6 +107,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   double rest_s() const;
   int horizon() const;
   double horizon_s() const;
+  double unforeseen_s() const;
   void find_pairs(Look &) const;
   void watch_bodies_in_flight(const Look &);
   bool is_calm(ArrayBody &);

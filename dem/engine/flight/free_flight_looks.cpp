@@ -39,13 +39,15 @@ struct FixFreeFlight::Look {
   bool is_in_arrays(size_t k) const { return k < in_arrays.size(); }
 };
 
-// Steps until the next look has been acted on, and the plate has been asked where it is, at the end of a co-step.
-int FixFreeFlight::horizon() const { return nevery + 2 + (plate_ ? plate_->co_step() : 0); }
+// Steps until the next look has been acted on, and the plate has been asked where it is, at its next message.
+int FixFreeFlight::horizon() const { return nevery + 2 + (plate_ ? plate_->longest_message() : 0); }
 
 double FixFreeFlight::horizon_s() const { return horizon() * update->dt; }
 
+double FixFreeFlight::unforeseen_s() const { return UNFORESEEN_LOOKS * nevery * update->dt; }
+
 // How long a body that leaves must touch nothing.
-double FixFreeFlight::rest_s() const { return LEAST_REST * nevery * update->dt; }
+double FixFreeFlight::rest_s() const { return std::max(LEAST_REST * nevery, horizon() + nevery) * update->dt; }
 
 void FixFreeFlight::end_of_step() {
   for (auto &b : bodies_) b->go_to(update->ntimestep);
@@ -75,11 +77,10 @@ void FixFreeFlight::find_surface(ArrayBody &b) const {
   b.outside = plate_->outside(tags);
   b.faces_outside = plate_->faces_outside();
   if (b.faces_outside > 0) b.plate = plate_;
-  const Sphere surface = plate_->surface(tags);
-  b.surface_radius = surface.radius;
-  if (surface.radius == 0) return;
-  b.surface_arm = surface.x - b.center;
-  b.radius = std::max(b.radius, norm(b.surface_arm) + surface.radius);
+  b.own_surface = plate_->surface(tags);
+  if (b.own_surface.outer == 0) return;
+  b.own_surface.x = b.own_surface.x - b.center;
+  b.radius = std::max(b.radius, norm(b.own_surface.x) + b.own_surface.outer);
 }
 
 bool FixFreeFlight::is_pushed(int label) const {
@@ -139,7 +140,7 @@ void FixFreeFlight::find_safe_until(FreeBody &body) {
 
 // Pairs of two bodies in free flight are left out: their safe_until has their meeting in it.
 void FixFreeFlight::find_pairs(Look &look) const {
-  const double time_s = std::max(rest_s(), UNFORESEEN_LOOKS * horizon_s());
+  const double time_s = std::max(rest_s(), unforeseen_s());
   look.pairs = std::make_unique<ReachPairs>(look.all, look.in_arrays.size(), time_s, speed_);
 }
 
@@ -158,7 +159,7 @@ void FixFreeFlight::watch_bodies_in_flight(const Look &look) {
       b->is_waking = b->safe_until < update->ntimestep + horizon();
     }
     for (const int m : look.pairs->of(look.in_arrays.size() + k))  // in the arrays, all of them
-      if (!b->is_waking) b->is_waking = time_to_meet(*b, *look.all[m], speed_) < UNFORESEEN_LOOKS * horizon_s();
+      if (!b->is_waking) b->is_waking = time_to_meet(*b, *look.all[m], speed_) < unforeseen_s();
   }
 }
 

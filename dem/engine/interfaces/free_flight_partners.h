@@ -6,7 +6,7 @@ namespace LAMMPS_NS {
 
 struct Face;
 struct Rotation;
-struct Sphere;
+struct Shell;
 struct Vec;
 struct WallOutline;
 
@@ -47,14 +47,16 @@ class Obstacle {
   virtual ~Obstacle() {}
   virtual const double *extent() const = 0;  // XMIN XMAX YMIN YMAX, m
   virtual double reach() const = 0;          // bound for its |z| until the next message, m
-  // How far what touches may reach below the sub-spheres of a body with these tags, m; and the sphere that holds all with
-  // which it touches as a smooth stone, of radius 0 where it does not. All of its tags are in the arrays.
+  // How far what touches may reach below the sub-spheres of a body with these tags, m; and the smooth surface with
+  // which it touches as a stone. All of its tags are in the arrays.
   virtual double outside(const std::vector<int> &tags) const = 0;
-  virtual Sphere surface(const std::vector<int> &tags) const = 0;
+  virtual Shell surface(const std::vector<int> &tags) const = 0;
+  virtual double patch_height() const = 0;  // as in PlateOutline
   // How far a face may lie outside the sub-sphere behind it, m, and those with which sub-sphere i may come to touch.
   virtual double faces_outside() const = 0;
   virtual void add_faces(int i, std::vector<Face> &) = 0;
   virtual int co_step() const = 0;           // steps; time may be skipped in multiples of this
+  virtual int longest_message() const = 0;   // steps from one message to the next, at most
   virtual bool is_quiet() const = 0;         // nothing is near it, and no co-step is open
   virtual void skip(long long co_steps) = 0; // so much time has passed without contact; only while it is quiet
   virtual void ask_reach() = 0;              // finds the reach anew; only while it is quiet, at the end of a step

@@ -39,7 +39,7 @@ class SmoothContact : public PlateContact {
   Pressing pressing(const NearSphere &) const override;
   double outside() const override { return surfaces_.outside(); }
   double outside(const std::vector<int> &tags) const override;
-  Sphere surface(const std::vector<int> &tags) const override { return pieces_->surface(tags); }
+  Shell surface(const std::vector<int> &tags) const override { return pieces_->surface(tags); }
   void list(std::vector<NearSphere> &) override;
   double listed_height() const override { return surfaces_.height() + surfaces_.outside(); }
   const std::vector<int> &always_listed() const override { return in_patches_; }  // a chip may turn one far up

@@ -13,7 +13,6 @@ namespace LAMMPS_NS {
 
 namespace {
 const int LOOK_STEPS = 32;
-const double DEFORMED = 0.02;       // of the radius: a piece's surface is no further from where the whole stone has it
 const double LEAST_SHARE = 0.5;     // of a patch's surface that must belong to the piece
 const double OUT_OF_PLACE = 0.1;    // of its radius: further off, one that lost half its bonds leaves the patch
 const double TURN_rad = 1e-4;       // of the axis in the stone: the lever of a push that far beside the middle is nothing
@@ -158,7 +157,7 @@ void SmoothContact::find_patches(int agglomerate, double reach) {
   for (const auto &[piece, motion] : pieces_->motions(s)) {
     if (!motion.is_here || norm(beyond_outline(motion.center)) > 0) continue;
     const double lowest = -span * std::fabs(motion.velocity.z) - HEADROOM * s.radius - reach;  // q at the next look
-    if (s.radius - motion.center.z < lowest - DEFORMED * s.radius) continue;
+    if (s.radius - motion.center.z < lowest - StonePieces::DEFORMED * s.radius) continue;
     Patch p;
     p.agglomerate = agglomerate;
     p.piece = piece;

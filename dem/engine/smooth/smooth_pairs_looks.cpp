@@ -15,7 +15,6 @@ using namespace LAMMPS_NS;
 
 namespace {
 const int LOOK_STEPS = 32;
-const double DEFORMED = 0.02;       // of the radius: a piece's surface is no further from where the whole stone has it
 const double LEAST_SHARE = 0.5;     // of a patch's surface that must belong to the piece
 const double OUT_OF_PLACE = 0.1;    // of its radius: further off, one that lost half its bonds leaves the patch
 const double FIRST_AXIS_rad = 0.1;  // about the lowest point at the start, whose own compliance is known
@@ -275,7 +274,7 @@ void FixSmoothPairs::find_pair(int piece_i, int piece_j) {
   const double speed = norm(motion[1].velocity - motion[0].velocity);
   const double lowest = -ahead_s(update->dt) * speed - HEADROOM * std::min(r0, r1);  // q at the next look
   const double q = r0 + r1 - norm(motion[1].center - motion[0].center);
-  if (std::fabs(q - 0.5 * lowest) > 0.5 * std::fabs(lowest) + DEFORMED * (r0 + r1)) return;
+  if (std::fabs(q - 0.5 * lowest) > 0.5 * std::fabs(lowest) + StonePieces::DEFORMED * (r0 + r1)) return;
   if (!place(p, motion[0], motion[1], true) || p.n.q < lowest || touch_alone(pieces)) return;
   pairs_.push_back(p);
 }

@@ -111,23 +111,27 @@ std::map<int, StonePieces::Motion> StonePieces::motions(const SmoothStone &s) co
 
 // A patch's centre is a mean of what its members take for the centre. Those that hold by less than half their bonds are
 // in no new patch.
-Sphere StonePieces::surface(const std::vector<int> &tags) {
+Shell StonePieces::surface(const std::vector<int> &tags) {
   find_pieces();
   std::map<int, std::vector<int>> pieces;
   for (const int tag : tags)
     if (may_have_patch(tag)) pieces[piece_[tag]].push_back(tag), note(tag, &now_[NUMBERS * static_cast<size_t>(tag)]);
-  Sphere all{Vec(), 0};
+  Shell all;
   size_t most = 0;
   std::vector<Vec> centers;
   for (const auto &[piece, own] : pieces) {
     const Motion m = motion(own);
     if (own.size() > most) most = own.size(), all.x = m.center;
+    const size_t others = centers.size();
     for (const int tag : own)
       if (surfaces_.is_surface(tag) && !is_loose(tag)) centers.push_back(position(tag) - m.turned(surfaces_.place(tag)));
+    if (centers.size() > others) centers.push_back(m.center);
   }
   if (centers.empty()) return all;
-  for (const Vec &center : centers) all.radius = std::max(all.radius, norm(center - all.x));
-  all.radius += surfaces_.stones()[agglomerates_.of_tag(tags[0])].radius;
+  double off = 0;
+  for (const Vec &center : centers) off = std::max(off, norm(center - all.x));
+  const double radius = surfaces_.stones()[agglomerates_.of_tag(tags[0])].radius;
+  all.inner = std::max(0.0, (1 - DEFORMED) * radius - off), all.outer = radius + off;
   return all;
 }
 

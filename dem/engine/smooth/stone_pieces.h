@@ -36,9 +36,12 @@ class StonePieces {
     }
   };
 
-  // Holds all centres that patches of these sub-spheres, a body in the arrays, can have, and the stone's surface about
-  // each; of radius 0 where none can have a patch. On one rank.
-  Sphere surface(const std::vector<int> &tags);
+  // Of the radius: a piece's surface is no further from where the whole stone has it.
+  static constexpr double DEFORMED = 0.02;
+
+  // Between its spheres are the surfaces about all centres that patches of these sub-spheres, a body in the arrays, can
+  // have. Patches of two stones do not begin to press where the inner spheres overlap. On one rank.
+  Shell surface(const std::vector<int> &tags);
 
   // Looks at the stones `wanted`; `touching` says which sub-spheres of this rank touch the plate by themselves, by tag.
   void look(const std::vector<int> &wanted, const std::vector<char> &touching);

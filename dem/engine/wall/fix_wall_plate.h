@@ -53,10 +53,12 @@ class FixWallPlate : public FixWall, public Obstacle, public Pushed, public Ston
   const double *extent() const override { return extent_; }
   double reach() const override { return plate_reach(); }
   double outside(const std::vector<int> &tags) const override { return contact_->outside(tags); }
-  Sphere surface(const std::vector<int> &tags) const override { return contact_->surface(tags); }
+  Shell surface(const std::vector<int> &tags) const override { return contact_->surface(tags); }
+  double patch_height() const override { return contact_->listed_height(); }
   double faces_outside() const override { return contact_->faces_outside(); }
   void add_faces(int i, std::vector<Face> &faces) override { contact_->add_faces(i, faces); }
   int co_step() const override { return co_step_; }
+  int longest_message() const override { return co_step_ * (coupling_ ? coupling_->most_co_steps() : 1); }
   bool is_pushed() const override;
   std::vector<double> contacts_now() const override;
   bool is_quiet() const override { return step_in_co_step_ == 0 && !(coupling_ && coupling_->is_engaged()); }
