@@ -12,6 +12,7 @@ import numpy as np
 from common import hertz
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
+from common.scene.stones import KINDS
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly, density_kg_m3
 from dem.stones.bonds import CRACK_AREA
 from dem.stones.stone import Stone, impact_speed_m_s
@@ -36,6 +37,8 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
     speed = max(float(np.hypot(stone.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * stone.gap_m)))
                 for stone in falling)
     radius = np.float64(max(stone.radius_m for stone in falling))  # whose powers may overflow to infinity
+    lines += [f"materials.{name}: no stone is of it; only stones.each names other materials than coal and gangue"
+              for name in sorted(set(scene.materials) - set(scene.falling_materials) - set(KINDS))]
     for name in scene.falling_materials:
         material = scene.materials[name]
         table = f"materials.{name}"

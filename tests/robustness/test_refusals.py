@@ -270,6 +270,7 @@ def test_a_stone_that_spins_faster_than_anything(tmp_path):
     ({"plate.density_kg_m3": 7.83}, ["plate.density_kg_m3 = 7.83", "cork"]),
     ({"contacts.coal_plate.friction": 5.0}, ["contacts.coal_plate.friction = 5", "rubber"]),
     ({"stones.speed_m_s": 1e3, "stones.radius_m": 1e200}, ["small strains"]),  # no OverflowError
+    ({"materials.shale": "gangue"}, ["materials.shale", "stones.each"]),
 ])
 def test_physics_beyond_the_laws_is_warned_of(changes, words):
     scene = changed_scene(SCENES / "single.toml", changes)
