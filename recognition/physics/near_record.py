@@ -77,28 +77,28 @@ class NearRecord:
         a covariance (2, k, k): least chi-square (v, m) of record and numbers together, and logarithm (v, m) of the
         ratio of the volumes after and before, squared. Minus twice the logarithm of the likelihood is their sum with
         log_determinant."""
-        precision = np.asarray(np.linalg.inv(covariance), float)[which]
+        chi_square, curved = self._about_any(means, covariance, which)
         before = np.linalg.slogdet(covariance)[1][which].sum(axis=1)
-        chi_square, volume = self._about_any(means[:, which], precision, before)
+        volume = np.tile(np.linalg.slogdet(curved)[1] + before, (len(means), 1))
         v, m = np.unravel_index(np.argsort(chi_square + volume, axis=None)[:LIKELY], chi_square.shape)
-        mean, precision = means[v[:, None], which[m]], precision[m]
+        mean, precision = means[v[:, None], which[m]], np.asarray(np.linalg.inv(covariance), float)[which[m]]
         best = self._best(mean, precision)
         at, _, curvature = self._about(best)
         chi_square[v, m] = at + np.einsum("mik,mikl,mil->m", best - mean, precision, best - mean)
         volume[v, m] = np.linalg.slogdet(_with(curvature, precision))[1] + before[m]
         return chi_square, volume
 
-    def _about_any(self, mean: Floats, precision: Floats, before: Floats) -> tuple[Floats, Floats]:
-        """`integrals` where signals are linear about the numbers of any stone, of m arrangements with means (v, m,
-        stones, k), precisions (m, stones, k, k) and the logarithm (m,) of their volume before."""
+    def _about_any(self, means: Floats, covariance: Floats, which: Integers) -> tuple[Floats, Floats]:
+        """Where signals are linear about the numbers of any stone: least chi-square (v, m) as of `integrals`, and the
+        curvature (m, stones k, stones k) of record and numbers together."""
         at, pull, curvature = self._about(self.numbers[None])
-        off = self.numbers - mean
-        back = np.matmul(precision, off[..., None])[..., 0]
-        curved = _with(curvature, precision)
-        slope = (pull - back.reshape(*back.shape[:2], -1)).transpose(1, 2, 0)  # (m, stones k, v)
-        gained = (slope * np.linalg.solve(curved, slope)).sum(axis=1).T
-        chi_square = at + (off * back).sum(axis=(2, 3)) - gained
-        return chi_square, np.tile(np.linalg.slogdet(curved)[1] + before, (len(mean), 1))
+        own, precision = np.arange(len(self.numbers)), np.asarray(np.linalg.inv(covariance), float)
+        off = self.numbers - means[:, :, None]  # (v, 2, stones, k)
+        back = np.matmul(off, precision)
+        far = (off * back).sum(axis=3)[:, which, own].sum(axis=2)
+        curved = _with(curvature, precision[which])
+        slope = (pull - back[:, which, own].reshape(*far.shape, -1)).transpose(1, 2, 0)  # (m, stones k, v)
+        return at + far - (slope * np.linalg.solve(curved, slope)).sum(axis=1).T, curved
 
 
 def _with(curvature: Floats, precision: Floats) -> Floats:

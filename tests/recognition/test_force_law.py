@@ -75,8 +75,9 @@ def test_a_record_about_numbers_of_its_stones_against_differences():
 
 def about_any(near, law, means, each):
     """`integrals` before any arrangement is linear about its own numbers."""
-    before = np.linalg.slogdet(law.covariance)[1][each].sum(axis=1)
-    return near._about_any(means[:, each], np.linalg.inv(law.covariance)[each], before)
+    chi_square, curved = near._about_any(means, law.covariance, each)
+    volume = np.linalg.slogdet(curved)[1] + np.linalg.slogdet(law.covariance)[1][each].sum(axis=1)
+    return chi_square, np.tile(volume, (len(means), 1))
 
 
 def test_integrals_against_the_normal_distribution_of_what_is_linear():
