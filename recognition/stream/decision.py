@@ -136,7 +136,7 @@ class Judge:
         return max(count, 2) / max(self.latest_s - self.began_s, 1e-3)
 
     def _learnt(self, heard: Told, rate_1_s: float) -> Learnt:
-        law = LearntLaw.of(heard, self.prior)
+        law = LearntLaw.of(heard, self.prior, rate_1_s)
         seen = None if self.stop is None else foreseen(law, heard, self.stop, rate_1_s, self.least_doubt)
         return Learnt(law, seen, rate_1_s)
 

@@ -43,8 +43,9 @@ BREAKS_SD, OTHER, OTHER_SD = 1.5, -3.5, 1.0  # of logits
 HARDER_SD = 0.75  # of the logit of coal that breaks less that of gangue: of a weaker seam both break more
 LUMPS, LUMP_SD = 0.03, 0.8  # share, and deviation of the logarithm of size
 #: Stones that come down slower, since they bounced or struck another in the air: mean and deviation of the logarithm of
-#: speed, that of restitutions from 0.5 to 0.9; of the logit of their share, 0 to 40 % in streams of 10 to 400 a second.
-SLOWER, SLOWER_SD, SLOWED, SLOWED_SD = -0.4, 0.2, -2.2, 1.25
+#: speed; time within which two meet, with which the odds grow as the rate of stones; deviation of the logit.
+SLOWER, SLOWER_SD, MEET_S, SLOWED_SD = -0.5, 0.35, 3e-3, 0.75
+USUAL_1_s, FASTEST_1_s = 50.0, 400.0  # where no rate is told, and beyond which streams are not known
 #: Of how many times larger the errors are than told, the logarithm: the plate is not quite its model, most at high
 #: frequencies, from which the durations and forms of small stones follow.
 LARGER, LARGER_SD = 0.3, 0.4
@@ -109,7 +110,7 @@ class Beliefs:
     """What is believed of the law before a record: means of centre and of what is between the materials (3,), and their
     precisions (2, 3, 3); limits (5,): variances along DIRECTIONS between what is told; shift (2, 3) of broken stones of
     coal and gangue; covariances (3, 3) of whole and broken stones about the law; median log scatter (4,); logits of the
-    shares that break (2,)."""
+    shares that break (2,), and of that of stones that come down slower."""
 
     centre: Floats
     apart: Floats
@@ -120,10 +121,11 @@ class Beliefs:
     broken: Floats
     scatter: Floats
     breaks: Floats
+    slowed: float
 
     @classmethod
-    def of(cls, prior: StonePrior) -> Beliefs:
-        """Of the simulated law, and of limits that are told. A scatter of sizes or speeds between them is likely."""
+    def of(cls, prior: StonePrior, rate_1_s: float = USUAL_1_s) -> Beliefs:
+        """Of the simulated law, limits that are told, between which a scatter is likely, and a rate of stones."""
         forces, logs = prior.forces, np.log(prior.grid)
         radius, speed = (np.array(value) for value in np.exp(logs.mean(axis=0)))
         coal, gangue = (forces.mean(m, radius, speed) for m in (0, 1))
@@ -136,7 +138,8 @@ class Beliefs:
         precisions = np.asarray(np.linalg.inv([centre, apart]), float)
         return cls(coal, gangue - coal, precisions, limits, shift,
                    _FORM * np.mean(forces.scatter, axis=0), forces.broken_scatter,
-                   np.log(np.maximum(SCATTER, np.sqrt(limits[:4]))), np.log(share / (1 - share)))
+                   np.log(np.maximum(SCATTER, np.sqrt(limits[:4]))), np.log(share / (1 - share)),
+                   float(np.log(MEET_S * np.clip(rate_1_s, 1, FASTEST_1_s))))
 
     def starts(self, told: Told, rng: np.random.Generator) -> Floats:
         """(STARTS, NUMBERS): laws with any share of gangue, that explain the middle of what was heard."""
@@ -148,7 +151,7 @@ class Beliefs:
         z[:, GANGUE] = np.log(share / (1 - share))
         z[:, BROKEN] += self.breaks
         z[:, OTHERS] += OTHER
-        z[:, SLOW] = SLOWED + SLOWED_SD * z[:, SLOW]
+        z[:, SLOW] = self.slowed + SLOWED_SD * z[:, SLOW]
         z[:, ERRORS] = LARGER + LARGER_SD * z[:, ERRORS]
         z[:, DROPPED] *= DROPPED_SD
         return z
@@ -160,7 +163,7 @@ class Beliefs:
                         + np.einsum("ki,ij,kj->k", apart, self.precisions[1], apart)
                         + np.sum(((z[:, SCATTERS] - self.scatter) / SCATTER_SD) ** 2, axis=1)
                         + np.einsum("ki,ij,kj->k", breaks, _BREAKS, breaks)
-                        + ((z[:, OTHERS] - OTHER) / OTHER_SD) ** 2 + ((z[:, SLOW] - SLOWED) / SLOWED_SD) ** 2
+                        + ((z[:, OTHERS] - OTHER) / OTHER_SD) ** 2 + ((z[:, SLOW] - self.slowed) / SLOWED_SD) ** 2
                         + ((z[:, ERRORS] - LARGER) / LARGER_SD) ** 2
                         + np.sum((z[:, DROPPED] / DROPPED_SD) ** 2, axis=1))
         s, _, j = z[:, APART].T
@@ -196,7 +199,8 @@ class Beliefs:
             _root(np.moveaxis(spread + law, 0, -1)[..., None] + error)
             for law in (self.whole, self.broken, self.whole + lumps, self.whole + slower))
         moved = (z[:, DROPPED] @ DIRECTIONS[:2]).T[..., None] * told.dropped
-        p, unknown, others, slow = z[:, GANGUE, None], told.known == UNKNOWN, z[:, OTHERS, None], z[:, SLOW, None]
+        p, unknown, others = z[:, GANGUE, None], told.known == UNKNOWN, z[:, OTHERS, None]
+        slow = np.where(told.dropped, -np.inf, z[:, SLOW, None])  # one that is dropped alone meets no other
         out = np.empty((len(z), len(told.x), 3))
         for m, sign in ((0, 1), (1, -1)):
             centre = (z[:, CENTRE] + m * z[:, APART]).T[..., None] + moved
@@ -221,9 +225,9 @@ class LearntLaw:
     worth: float
 
     @classmethod
-    def of(cls, told: Told, prior: StonePrior) -> LearntLaw:
-        """The law by which stones were heard; the same for the same stones."""
-        beliefs, taught, rng = Beliefs.of(prior), told.some(TAUGHT), np.random.default_rng(1)
+    def of(cls, told: Told, prior: StonePrior, rate_1_s: float = USUAL_1_s) -> LearntLaw:
+        """The law by which stones were heard, so many a second; the same for the same stones."""
+        beliefs, taught, rng = Beliefs.of(prior, rate_1_s), told.some(TAUGHT), np.random.default_rng(1)
 
         def densities(z: Floats) -> tuple[Floats, Floats]:
             return beliefs.log_densities(z, taught), beliefs.log_prior(z)

@@ -62,7 +62,7 @@ def learnt_table(heard: Sequence[Heard], hearing: StonePrior, prior: StonePrior,
     if not own:
         return pd.DataFrame(columns=COLUMNS), {}, None
     told = told_of(every, hearing, material, np.arange(len(every)) >= len(own))
-    law = LearntLaw.of(told, prior)
+    law = LearntLaw.of(told, prior, rate_of(np.array([h.stone[TIME] for h in own]) / rate_Hz))
     by_law, none = law.probabilities(told, least_doubt)
     chosen = np.flatnonzero((material == UNKNOWN) & (none < 0.5))
     table = rows_of([every[k] for k in chosen], told.only(chosen), law, prior, by_law[chosen], rate_Hz)
@@ -192,10 +192,12 @@ def _with_missed(weight: Floats, chosen: NDArray[np.bool_], missed: NDArray[np.i
 
 def missed_of(stones: pd.DataFrame) -> float:
     """How many stones are missed, by the rate of those that were heard one by one."""
-    if len(stones) < 2:
-        return 0.0
-    span_s = float(stones["t_s"].max() - stones["t_s"].min())
-    return len(stones) * min(DEAD_S * (len(stones) - 1) / max(span_s, 1e-9), MOST_MISSED)
+    return len(stones) * min(DEAD_S * rate_of(stones["t_s"].to_numpy()), MOST_MISSED)
+
+
+def rate_of(t_s: Floats) -> float:
+    """Stones a second, of those that arrive at t_s (n,)."""
+    return (len(t_s) - 1) / max(float(np.ptp(t_s)), 1e-9) if len(t_s) > 1 else 0.0
 
 
 def sliding_ratio(stones: pd.DataFrame, window_s: float, step_s: float, end_s: float) -> pd.DataFrame:
