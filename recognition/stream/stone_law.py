@@ -43,9 +43,10 @@ BREAKS_SD, OTHER, OTHER_SD = 1.5, -3.5, 1.0  # of logits
 HARDER_SD = 0.75  # of the logit of coal that breaks less that of gangue: of a weaker seam both break more
 LUMPS, LUMP_SD = 0.03, 0.8  # share, and deviation of the logarithm of size
 #: Stones that come down slower, since they bounced or struck another in the air: mean and deviation of the logarithm of
-#: speed; time within which two meet, with which the odds grow as the rate of stones; deviation of the logit.
-SLOWER, SLOWER_SD, MEET_S, SLOWED_SD = -0.5, 0.35, 3e-3, 0.75
-USUAL_1_s, FASTEST_1_s = 50.0, 400.0  # where no rate is told, and beyond which streams are not known
+#: speed, that of restitutions from 0.5 to 0.9; time within which two meet, so that the odds grow as the rate of stones,
+#: 10 to 400 a second; deviation of their logit.
+SLOWER, SLOWER_SD, MEET_S, SLOWED_SD = -0.4, 0.2, 3e-3, 1.0
+USUAL_1_s, FASTEST_1_s = 50.0, 400.0  # rates where none is told, and beyond which none is known
 #: Of how many times larger the errors are than told, the logarithm: the plate is not quite its model, most at high
 #: frequencies, from which the durations and forms of small stones follow.
 LARGER, LARGER_SD = 0.3, 0.4

@@ -110,5 +110,5 @@ def test_stones_after_a_pause_are_judged_by_the_law_that_all_before_it_taught():
     t_s = np.r_[np.arange(before) / 50, np.arange(80 - before) / 50 + before / 50 + 3 * LATER_S]
     found = list(Judge(told.only(np.arange(0)), PRIOR, None, 0.005).judge(told, t_s, ended=True))
     assert [len(one.none) for one in found] == [FIRST, before - FIRST, 80 - before]
-    again = LearntLaw.of(told.only(np.arange(before)), PRIOR)
+    again = LearntLaw.of(told.only(np.arange(before)), PRIOR, found[-1].by.rate_1_s)
     assert found[-1].by_law == pytest.approx(again.probabilities(told.only(np.arange(before, 80)), 0.005)[0], rel=1e-9)
