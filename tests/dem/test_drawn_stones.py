@@ -102,6 +102,7 @@ def each_scene():
     return scene_of(way="each", table=EACH, **{"materials.shale": shale, "time.duration_s": 3e-3}, **contacts)
 
 
+@pytest.mark.slow
 def test_stones_one_by_one_are_as_they_were_given(tmp_path):
     """Mass, size, velocity, kinetic energy and momentum at the start, and three materials in one run whose ledger
     closes."""
@@ -124,6 +125,7 @@ def test_stones_one_by_one_are_as_they_were_given(tmp_path):
     assert summary["materials"] == ["coal", "gangue", "shale"] and summary["gangue_ratio"] == pytest.approx(1 / 3)
 
 
+@pytest.mark.slow
 def test_the_volley_of_the_paper_said_stone_by_stone_is_the_same_deck(tmp_path):
     """To the last byte of every file that the engine reads, so that the results are the same."""
     coarse = {"stones.agglomerate.subspheres": 40, "stones.agglomerate.contact": "sub_spheres", "stones.seed": 20011,

@@ -47,6 +47,7 @@ def test_agrees_with_dop853(damping, interval_s):
     assert motion.damped_J == pytest.approx(damped, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [100_000, pytest.param(1_000_000, marks=pytest.mark.validate)])
 def test_free_steps_keep_the_energy_of_every_mode(steps):
     motion = motion_of(0.0, 5e-6, FREQUENCY_Hz[2:])

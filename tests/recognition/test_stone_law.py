@@ -132,6 +132,7 @@ def test_stones_that_differ_from_what_is_told(prior, size, faster_coal, share):
     assert high - low < 0.2 and law.beyond < 3.5
 
 
+@pytest.mark.slow
 def test_stones_that_scatter_less_than_others_are_told_apart(prior):
     """Clones from 2 to 4 m/s: duration and impulse follow from the speed, and the law finds that nothing else varies."""
     rng, gangue = np.random.default_rng(9), np.arange(60) < 40
@@ -143,6 +144,7 @@ def test_stones_that_scatter_less_than_others_are_told_apart(prior):
     assert np.where(gangue, 1 - p, p).mean() < 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("larger", [1.0, 3.0])
 def test_how_much_larger_errors_are_than_told_is_learnt(prior, larger):
     """Of small stones, duration and form have errors that go together."""
@@ -154,6 +156,7 @@ def test_how_much_larger_errors_are_than_told_is_learnt(prior, larger):
     assert np.exp(law.laws[:, ERRORS]).mean() == pytest.approx(larger, rel=0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("material", [0, 1])
 def test_one_material_alone_is_told_where_one_knows_some(prior, material):
     """Without a reference it may be either: the interval holds both answers."""
@@ -164,6 +167,7 @@ def test_one_material_alone_is_told_where_one_knows_some(prior, material):
     assert abs(said - material) < 0.05 and high - low < 0.15
 
 
+@pytest.mark.slow
 def test_known_stones_of_the_other_material_are_seen(prior):
     gangue = np.r_[np.arange(15) < 2, np.arange(40) % 2 == 0]
     known = np.r_[np.zeros(15, int), np.full(40, UNKNOWN)]
@@ -172,6 +176,7 @@ def test_known_stones_of_the_other_material_are_seen(prior):
     assert low <= 0.5 <= high and abs(said - 0.5) < 0.05
 
 
+@pytest.mark.slow
 def test_what_is_no_stone_and_lumps_are_told_apart(prior):
     """One four times as large, and one that is nothing known."""
     rng = np.random.default_rng(7)
@@ -186,6 +191,7 @@ def test_what_is_no_stone_and_lumps_are_told_apart(prior):
     assert mass[0] / np.median(mass[::2]) == pytest.approx(64, rel=0.25)
 
 
+@pytest.mark.slow
 def test_gangue_that_struck_another_stone_in_the_air_is_no_coal(prior):
     """Slowed to half its speed it pushes hardly less than coal, but is longer on the plate than a stone of coal."""
     rng, gangue = np.random.default_rng(8), np.arange(40) % 4 == 0
@@ -197,6 +203,7 @@ def test_gangue_that_struck_another_stone_in_the_air_is_no_coal(prior):
     assert np.all((p[:40] > 0.5) == gangue)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [10, 11, 12])
 def test_coal_that_strikes_again_makes_no_gangue_of_the_rest(prior, seed):
     """Half of the stones stay whole, bounce, and come down again with the speed that a restitution leaves them: without
@@ -270,6 +277,7 @@ def test_a_wider_prior_holds_what_is_told(prior):
     assert wide.radius_m == pytest.approx((0.02, 0.03125)) and wide.speed_m_s == pytest.approx((3 / 1.15, 3.45))
 
 
+@pytest.mark.slow
 def test_odds_are_those_of_a_share_of_one_half(prior):
     """Whatever share of gangue a law has; a known stone keeps what is known of it."""
     rng = np.random.default_rng(5)

@@ -363,6 +363,7 @@ def write_limit(number_of_bytes):
             resource.setrlimit(resource.RLIMIT_FSIZE, free)
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_when_a_model_or_a_report_is_written(tmp_path, monkeypatch):
     sweep = write_sweep(tmp_path / "sweep", ratios=(0.0, 0.3, 0.7, 1.0))
     run = sweep / "ratio_030"
