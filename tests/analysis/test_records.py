@@ -33,7 +33,23 @@ def test_array_series_and_files_give_the_same_record(tmp_path):
     np.testing.assert_allclose(bare.values, values, atol=1e-15)
 
 
-@pytest.mark.parametrize("values", [[1.0], [[1.0, 2.0]], [1.0, np.nan, 2.0], [1.0, np.inf]])
+@pytest.mark.parametrize("name, unit", [("acc [g]", "g"), ("acc (m/s²)", "m/s^2"), ("acc_m_s2", "m/s^2"), ("acc", "1")])
+def test_a_series_has_the_units_behind_its_names(name, unit):
+    record = as_record(pd.Series([0.0, 2.0, 1.0], index=pd.Index([0.0, 0.5, 1.0], name="t [ms]"), name=name))
+    assert (record.unit, record.rate_Hz) == (unit, 2000.0)
+    with pytest.raises(RecordError, match="'Hz'"):
+        as_record(pd.Series([0.0, 2.0], index=pd.Index([0.0, 0.5], name="t [Hz]")))
+
+
+@pytest.mark.parametrize("scale, words", [(2.0, "unit of the scaled"), (0.0, "not 0"), (np.nan, "finite")])
+def test_a_scale_needs_a_unit(tmp_path, scale, words):
+    (tmp_path / "a.csv").write_text("t_s,acc [mV]\n0,1\n0.1,2\n0.2,3\n")
+    with pytest.raises(RecordError, match=words) as error:
+        read_record(tmp_path / "a.csv", scale=scale)
+    one_line(error)
+
+
+@pytest.mark.parametrize("values", [[1.0], [[1.0, 2.0]], [1.0, np.nan, 2.0], [1.0, np.inf], ["a", "b"], [1j, 2.0]])
 def test_unusable_samples_are_refused(values):
     with pytest.raises(RecordError) as error:
         Record(np.array(values), 100.0)

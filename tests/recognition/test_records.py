@@ -17,7 +17,7 @@ G = 9.80665
 
 
 @pytest.mark.parametrize("name, scale, unit, factor", [
-    ("acc_A_m_s2", 1.0, None, 1.0), ("acc_A_m_s2", 2.0, None, 2.0), ("A [g]", 1.0, None, G), ("A (mm/s²)", 3.0, None, 3e-3),
+    ("acc_A_m_s2", 1.0, None, 1.0), ("acc_A_m_s2", 2.0, "m/s^2", 2.0), ("A [g]", 1.0, None, G), ("A (mm/s²)", 3.0, "mm/s^2", 3e-3),
     ("A", 0.1, "g", 0.1 * G), ("acc_A [mV]", 0.01, "g", 0.01 * G), ("acc_A_m_s2", 1.0, "g", G)])
 def test_units_and_names(tmp_path, name, scale, unit, factor):
     pd.DataFrame({"Zeit [ms]": 1e3 * T_s, name: X, "force_N": X}).to_csv(tmp_path / "a.csv", index=False)
@@ -30,9 +30,9 @@ def test_units_and_names(tmp_path, name, scale, unit, factor):
 
 def test_a_column_without_a_unit_is_left_alone_and_another_unit_is_refused(tmp_path):
     pd.DataFrame({"t_s": T_s, "A": X}).to_csv(tmp_path / "a.csv", index=False)
-    assert list(record_table(tmp_path / "a.csv", 5.0)[0]) == ["t_s", "A"]
-    for wrong in ({"unit": "V"}, {"scale": 0.0}, {"scale": float("nan")}):
-        with pytest.raises(RecordError, match="must be"):
+    assert list(record_table(tmp_path / "a.csv")[0]) == ["t_s", "A"]
+    for wrong in ({"unit": "V"}, {"scale": 0.0}, {"scale": float("nan")}, {"scale": 5.0}):
+        with pytest.raises(RecordError, match="must be|scale = 5; needs the unit"):
             record_table(tmp_path / "a.csv", **wrong)
 
 
