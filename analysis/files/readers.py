@@ -194,9 +194,8 @@ def read_table(path: str | Path, columns: Sequence[str] | None = None) -> pd.Dat
     table = table.rename(columns=lambda name: str(name).strip())
     if not table.columns.is_unique:
         raise RecordError(f"{path}: column {table.columns[table.columns.duplicated()][0]!r} appears twice")
-    for name in table.columns:
-        if len(table) and is_date(table[name].iloc[0]):
-            table[name] = pd.to_datetime(table[name], format="ISO8601", utc=True, errors="coerce")
+    for text in table.columns[[is_date(one) for one in table.iloc[0]]] if len(table) else ():
+        table[text] = pd.to_datetime(table[text], format="ISO8601", utc=True, errors="coerce")
     for name in table.select_dtypes(["datetime", "datetimetz", "timedelta"]):  # pandas would count them in ns
         table[name] = (table[name] - table[name].min()).dt.total_seconds()
     return table

@@ -18,6 +18,7 @@ from dem.stones.bonds import CRACK_AREA
 from dem.stones.stone import Stone, impact_speed_m_s
 from plate_fem.elements import mesh, system
 from plate_fem.elements.rods import joint_range
+from plate_fem.motion import RecordedMotion
 
 GRAVITY_m_s2 = 9.81
 DIAMOND_Pa, CORK_kg_m3, RUBBER = 1.22e12, 120.0, 2.0
@@ -26,6 +27,7 @@ CRITICAL_SPEED = 0.84  # the laboratory's case `critical_speed`
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
 LEAST_SPAN = 10  # the shorter side in thicknesses
+MOST_DEFLECTION = 0.5  # over the thickness: beyond, a plate stretches as it bends (von Karman)
 MOST_LEFT_OUT, MOST_MISSING = 0.05, 0.01  # of the plate's energy above its modes; of the impulse
 
 
@@ -96,6 +98,13 @@ def _unknown_joint(plate: FlexiblePlate, number: int) -> list[str]:
             lines.append(f"{name}.{key} = {getattr(rod, key):g}: {words} is {ratio:.2g}; joints are known from "
                          f"{least:.2g} to {most:.2g}, and the nearest is taken")
     return lines
+
+
+def deflection_warnings(plate: FlexiblePlate, motion: RecordedMotion) -> list[str]:
+    """Of a plate that, deflected so far, would stretch."""
+    largest_m = motion.deflection_m(plate.edges == "free", MOST_DEFLECTION * plate.thickness_m)
+    return [f"plate.thickness_m = {plate.thickness_m:g}: deflects by {largest_m / plate.thickness_m:.2g} of it; linear "
+            f"theory, without stretching, is for {MOST_DEFLECTION:g} and less"] if largest_m else []
 
 
 def momentum_warnings(missing: float | None) -> list[str]:

@@ -18,6 +18,7 @@ from common.files.parquet import Columns
 from common.scene.plate import FlexiblePlate
 from dem.coupling.pipes import CheckpointMessage, CouplingError, FinishedMessage, ForceMessage, PlatePipes
 from dem.deck.pictures import picture_schedule
+from dem.deck.plausible import deflection_warnings
 from dem.deck.time_step import TimeStep
 from dem.record.energy_balance import PlateEnergy, PlateMonitor
 from dem.record.recorder import PlateRecorder
@@ -141,6 +142,10 @@ class RigidPlateParticipant:
         """A rigid plate does not bend."""
         return {}
 
+    def warnings(self) -> list[str]:
+        """None of a rigid plate."""
+        return []
+
     def meshes(self, dem_step: int, contacts: list[HertzContact]) -> dict[str, Mesh]:
         """A rigid plate is not shown."""
         return {}
@@ -153,7 +158,7 @@ class FlexiblePlateParticipant:
         scene, step = prepared.scene, prepared.step
         self._modes, self._step = modes, step
         assert isinstance(scene.plate, FlexiblePlate)
-        self._meshes = PlateMeshes(modes, scene.plate)
+        self._plate, self._meshes = scene.plate, PlateMeshes(modes, scene.plate)
         self._motion = ModalMotion(modes, step.co_step * step.dt_s)
         self._recorder = PlateRecorder(scene, modes, self._motion, step,
                                        picture_schedule(scene, prepared.assembly, step),
@@ -228,6 +233,10 @@ class FlexiblePlateParticipant:
         """The largest stress of bending, anywhere and at the rods, for the report on yield."""
         peak = self._recorder.bending
         return {"bending": peak.result(), "bending_at_rods": peak.result(at_rods=True)}
+
+    def warnings(self) -> list[str]:
+        """Of deflections that are too large for the plate's theory."""
+        return deflection_warnings(self._plate, self._recorder.motion(self._modes))
 
     def meshes(self, dem_step: int, contacts: list[HertzContact]) -> dict[str, Mesh]:
         """What the picture at `dem_step` shows of the plate and of the contacts on it."""

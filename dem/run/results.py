@@ -98,7 +98,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
 def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
     """The fields of common.run_summary.RunSummary that follow from a run and its results."""
     outcome = _outcome(prepared, plate, results)
-    late = warned(prepared.source, momentum_warnings(outcome.get("momentum_missing")))
+    late = warned(prepared.source, [*momentum_warnings(outcome.get("momentum_missing")), *plate.warnings()])
     return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results), **outcome,
             "warnings": prepared.warnings + late}
 

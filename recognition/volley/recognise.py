@@ -227,8 +227,9 @@ def volley(record: str, plate: str, stones: Sequence[int], radius_m: float, spee
            scale: float = 1.0, unit: str | None = None) -> VolleyResult:
     """Judge a record on a plate of `tap` by what is told of the stones: how many, or the fewest and the most; their
     radius; their speed, or the lowest and the highest. Raises RecordError, RecognitionError."""
-    counts, speeds_m_s = _between("stones", stones, COUNTS), _between("speed", speed_m_s, SPEEDS_m_s)
-    _between("radius", [radius_m], RADII_m)
+    counts, speeds_m_s = _between("stones", stones, COUNTS), _between("speed", speed_m_s, SPEEDS_m_s, " m/s")
+    if not RADII_m[0] <= radius_m <= RADII_m[1]:
+        raise RecognitionError(f"--radius {radius_m:g}: must be from {RADII_m[0]:g} to {RADII_m[1]:g} m")
     known = PlateModel.load(Path(plate))
     table, source = record_table(record, scale, unit)
     try:
@@ -255,11 +256,11 @@ def _others(found: Found) -> Iterator[tuple[str, Stones]]:
                                                                                   (low * factor, high * factor))
 
 
-def _between(name: str, values: Sequence[float], limits: tuple[float, float]) -> tuple[float, float]:
+def _between(name: str, values: Sequence[float], limits: tuple[float, float], unit: str = "") -> tuple[float, float]:
     """One value, or the lower and the higher of two."""
     low, high = values[0], values[-1]
     if len(values) > 2 or not limits[0] <= low <= high <= limits[1]:
         given = " ".join(f"{value:g}" for value in values)
-        raise RecognitionError(f"--{name} {given}: must be a number between {limits[0]:g} and {limits[1]:g}, "
-                               "or two such numbers, the lower first")
+        raise RecognitionError(f"--{name} {given}: must be a number from {limits[0]:g} to {limits[1]:g}{unit}, or two, "
+                               "the lower first")
     return low, high

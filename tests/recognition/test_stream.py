@@ -319,6 +319,7 @@ def test_times_are_those_of_the_centres(heard):
     (lambda t: t.drop(columns="acc_north_m_s2"), (), "at least one of acc_north_m_s2"),
     (lambda t: t.assign(acc_north_m_s2=np.nan), (), "every sample must be finite"),
     (lambda t: t, ("--radius", "0.03", "0.02"), "lower first"),
+    (lambda t: t, ("--radius", "25", "25"), "--radius 25 25: must be two numbers above 0, below 1 m"),
     (lambda t: t, ("--speed", "200", "400"), "above 0, below 100"),
     (lambda t: t, ("--step", "0"), "must be a time, at least 0.001 s"),
     (lambda t: t, ("--coal-first", "-1"), "must be a number of stones"),

@@ -217,7 +217,7 @@ def test_physics_that_cannot_be_is_refused_with_its_reason(key, value, words):
 @pytest.mark.parametrize("key, last, first", [  # the last value that is taken, the first that is not
     ("materials.coal.density_kg_m3", 25_000.0, 25_001.0), ("plate.density_kg_m3", 25_000.0, 25_001.0),
     ("materials.gangue.density_kg_m3", 0.1, 0.099), ("plate.density_kg_m3", 0.1, 0.099),
-    ("contacts.coal_plate.friction", 10.0, 10.01),
+    ("contacts.coal_plate.friction", 10.0, 10.01), ("materials.coal.bond.youngs_modulus_Pa", 5e6, 4.99e6),
     ("materials.coal.bond.tensile_strength_Pa", 100.0, 99.9), ("materials.gangue.bond.shear_strength_Pa", 100.0, 99.9),
 ])
 def test_limits_of_docs_safety(key, last, first):
