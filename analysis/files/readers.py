@@ -125,6 +125,8 @@ def read_record(
     elif ending in (*ARRAYS, *LABVIEW):
         record = _from_arrays(_arrays(path), str(path), column, time, rate_Hz)
     elif ending in CHANNELS:
+        if time is not None:
+            raise RecordError(f"{path}: no column of times {time!r}; a file with its own sample rate has none")
         record = chosen(path, column, CHANNELS[ending](path))
         _check_rate(record.name, rate_Hz, record.rate_Hz, "the file")
     else:

@@ -59,7 +59,7 @@ class Record:
         if np.iscomplexobj(self.values):
             raise RecordError(f"{self.name}: complex numbers; needs real ones")
         try:
-            values = np.asarray(self.values, dtype=float)
+            values = np.ma.filled(np.asanyarray(self.values, dtype=float), np.nan)
         except (TypeError, ValueError):
             raise RecordError(f"{self.name}: every sample must be a number") from None
         if values.ndim != 1 or values.size < 2:
@@ -158,7 +158,7 @@ def as_record(
         return _from_series(signal, rate_Hz, unit, name)
     if rate_Hz is None:
         raise RecordError(f"{name or 'signal'}: no sample rate; give rate_Hz")
-    return Record(np.asarray(signal), rate_Hz, unit or "1", name or "signal")
+    return Record(np.asanyarray(signal), rate_Hz, unit or "1", name or "signal")
 
 
 def _is_series(signal: object) -> TypeGuard[pd.Series]:

@@ -20,12 +20,13 @@ from plate_fem.elements import mesh, system
 from plate_fem.elements.rods import joint_range
 from plate_fem.motion import RecordedMotion
 
-GRAVITY_m_s2 = 9.81
+GRAVITY_m_s2, JUPITER_m_s2 = 9.81, 25.0
 DIAMOND_Pa, CORK_kg_m3, RUBBER = 1.22e12, 120.0, 2.0
 LEAST_RESOLUTION = 2.3  # fragment size over sub-sphere: down to it, areas are within 10 % of those of finer stones
 CRITICAL_SPEED = 0.84  # the laboratory's case `critical_speed`
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
+IDEAL_STRENGTH = 0.2  # of Young's modulus: of whiskers and of glass fresh from the melt
 LEAST_SPAN = 10  # the shorter side in thicknesses
 MOST_DEFLECTION = 0.5  # over the thickness: beyond, a plate stretches as it bends (von Karman)
 MOST_LEFT_OUT, MOST_MISSING = 0.05, 0.01  # of the plate's energy above its modes; of the impulse
@@ -38,7 +39,9 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
     fastest = max(stone.speed_m_s for stone in falling)
     speed = max(float(np.hypot(stone.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * stone.gap_m)))
                 for stone in falling)
-    radius = np.float64(max(stone.radius_m for stone in falling))  # whose powers may overflow to infinity
+    radius, side_m = max(stone.radius_m for stone in falling), min(scene.plate.size_m)
+    if 2 * radius > side_m:
+        lines.append(f"stones: a radius of {radius:g} m; the plate's shorter side is {side_m:g} m")
     lines += [f"materials.{name}: no stone is of it; only stones.each names other materials than coal and gangue"
               for name in sorted(set(scene.materials) - set(scene.falling_materials) - set(KINDS))]
     for name in scene.falling_materials:
@@ -56,7 +59,11 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
                          f"its radius; Hertz' contact is for little, to {LARGEST_APPROACH:g}")
         weight_Pa = 2 * material.density_kg_m3 * GRAVITY_m_s2 * radius
         if stones.agglomerate is not None and not stones.agglomerate.unbreakable:
-            strength = scene.bond_of(name).tensile_strength_Pa
+            bond = scene.bond_of(name)
+            strength = bond.tensile_strength_Pa
+            if strength > IDEAL_STRENGTH * bond.youngs_modulus_Pa:
+                lines.append(f"{table}.bond.tensile_strength_Pa = {strength:g}: above {IDEAL_STRENGTH:g} of the bonds' "
+                             "Young's modulus, more than a solid without flaws has")
             if strength < weight_Pa:
                 lines.append(f"{table}.bond.tensile_strength_Pa = {strength:g}: below {weight_Pa:.3g}, the stress of "
                              "a stone's own weight on earth")
@@ -164,7 +171,7 @@ def _too_late(scene: Scene, falling: Sequence[Stone]) -> list[str]:
 
 def _unlikely(scene: Scene) -> list[str]:
     """Of stiffness, density and friction that no solid of such scenes has."""
-    solids: dict[str, Any] = {"plate": scene.plate}
+    solids, gravity_m_s2 = dict[str, Any]({"plate": scene.plate}), scene.time.gravity_m_s2
     if isinstance(scene.plate, FlexiblePlate):
         solids |= {f"plate.rods.{number}": rod for number, rod in enumerate(scene.plate.rods)}
     solids |= {f"materials.{name}": scene.materials[name] for name in scene.falling_materials}
@@ -173,6 +180,8 @@ def _unlikely(scene: Scene) -> list[str]:
         moduli_Pa |= {f"materials.{name}.bond": scene.bond_of(name).youngs_modulus_Pa
                       for name in scene.falling_materials}
     return [
+        *([f"time.gravity_m_s2 = {gravity_m_s2:g}: above {JUPITER_m_s2:g}, that of Jupiter"]
+          if gravity_m_s2 > JUPITER_m_s2 else []),
         *(f"{table}.youngs_modulus_Pa = {modulus_Pa:g}: above {DIAMOND_Pa:g}, that of diamond, the stiffest material"
           for table, modulus_Pa in moduli_Pa.items() if modulus_Pa > DIAMOND_Pa),
         *(f"{table}.density_kg_m3 = {one.density_kg_m3:g}: below {CORK_kg_m3:g}, that of cork"

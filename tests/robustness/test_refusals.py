@@ -194,6 +194,11 @@ def test_a_scene_of_a_gigabyte_is_not_read(tmp_path):
     assert "MB" in ends_with_one_line(main, ["deck", file, "--out", tmp_path / "out"])
 
 
+def test_a_deck_that_is_there_is_refused_before_any_work(tmp_path):
+    told = ends_with_one_line(main, ["deck", SCENES / "elastic_plate.toml", "--out", tmp_path])
+    assert told == f"--out = {tmp_path}: must not exist yet\n"
+
+
 @pytest.mark.parametrize("where", [".", "..", "/"])
 def test_resume_of_no_run(where):
     told = ends_with_one_line(main, ["resume", where])
@@ -218,6 +223,7 @@ def test_physics_that_cannot_be_is_refused_with_its_reason(key, value, words):
     ("materials.coal.density_kg_m3", 25_000.0, 25_001.0), ("plate.density_kg_m3", 25_000.0, 25_001.0),
     ("materials.gangue.density_kg_m3", 0.1, 0.099), ("plate.density_kg_m3", 0.1, 0.099),
     ("contacts.coal_plate.friction", 10.0, 10.01), ("materials.coal.bond.youngs_modulus_Pa", 5e6, 4.99e6),
+    ("stones.radius_m", 5.0, 25.0), ("stones.agglomerate.damping_ratio", 1.0, 5.0),  # of mm and of percent
     ("materials.coal.bond.tensile_strength_Pa", 100.0, 99.9), ("materials.gangue.bond.shear_strength_Pa", 100.0, 99.9),
 ])
 def test_limits_of_docs_safety(key, last, first):
@@ -269,7 +275,9 @@ def test_a_stone_that_spins_faster_than_anything(tmp_path):
     ({"stones.gap_m": 0.5}, ["time.duration_s = 0.006", "before stone 1 touches"]),
     ({"plate.density_kg_m3": 7.83}, ["plate.density_kg_m3 = 7.83", "cork"]),
     ({"contacts.coal_plate.friction": 5.0}, ["contacts.coal_plate.friction = 5", "rubber"]),
-    ({"stones.speed_m_s": 1e3, "stones.radius_m": 1e200}, ["small strains"]),  # no OverflowError
+    ({"stones.radius_m": 0.26}, ["radius of 0.26 m", "shorter side is 0.5 m"]),
+    ({"time.gravity_m_s2": 9810.0}, ["time.gravity_m_s2 = 9810", "Jupiter"]),  # mm/s^2
+    ({"materials.coal.bond.tensile_strength_Pa": 5e12}, ["tensile_strength_Pa = 5e+12", "without flaws"]),
     ({"materials.shale": "gangue"}, ["materials.shale", "stones.each"]),
 ])
 def test_physics_beyond_the_laws_is_warned_of(changes, words):
