@@ -194,7 +194,8 @@ def test_a_scene_of_a_gigabyte_is_not_read(tmp_path):
     assert "MB" in ends_with_one_line(main, ["deck", file, "--out", tmp_path / "out"])
 
 
-def test_a_deck_that_is_there_is_refused_before_any_work(tmp_path):
+def test_a_deck_that_is_there_is_refused_before_any_work(tmp_path, monkeypatch):
+    monkeypatch.setattr("dem.commands.prepare", None)
     told = ends_with_one_line(main, ["deck", SCENES / "elastic_plate.toml", "--out", tmp_path])
     assert told == f"--out = {tmp_path}: must not exist yet\n"
 
