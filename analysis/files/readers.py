@@ -38,8 +38,6 @@ def read_wav(path: Path) -> Channels:
             rate_Hz, samples = wavfile.read(path)
     except BROKEN_WAV as error:
         raise RecordError(f"{path}: not a readable WAV file ({error})") from None
-    if samples.size == 0:
-        raise RecordError(f"{path}: holds no samples")
     return _channels(path, _shares_of_full_scale(samples), rate_Hz)
 
 
@@ -54,8 +52,6 @@ def read_flac(path: Path) -> Channels:
         samples, rate_Hz = soundfile.read(path)
     except (OSError, RuntimeError, ValueError, TypeError) as error:  # its own error is a RuntimeError
         raise RecordError(f"{path}: not a readable FLAC file ({' '.join(str(error).split())})") from None
-    if samples.size == 0:
-        raise RecordError(f"{path}: holds no samples")
     return _channels(path, samples, rate_Hz)
 
 
@@ -68,7 +64,9 @@ def _shares_of_full_scale(samples: np.ndarray) -> np.ndarray:
 
 
 def _channels(path: Path, samples: np.ndarray, rate_Hz: float) -> Channels:
-    """Of samples (n,) or (n, channels)."""
+    """Of samples (n,) or (n, channels). RecordError where there are none."""
+    if samples.size == 0:
+        raise RecordError(f"{path}: holds no samples")
     return {str(k): partial(Record, one, float(rate_Hz), "1", f"{path}: {k}")
             for k, one in enumerate(samples.reshape(len(samples), -1).T)}
 

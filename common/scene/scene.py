@@ -173,9 +173,6 @@ class Scene(Table):
         if drawn is not None and drawn.drop_height_m is not None and self.time.gravity_m_s2 == 0:
             raise Refused("stones.drawn.drop_height_m", drawn.drop_height_m.bounds,
                           "must be left out where there is no time.gravity_m_s2: nothing would fall")
-        if self.stones.speed_m_s == 0 and self.time.gravity_m_s2 == 0:
-            raise Refused("stones.speed_m_s", 0.0,
-                          "must be above 0 where there is no time.gravity_m_s2: nothing would move")
         if PLATE in self.materials:
             raise Refused("materials", PLATE, "must be another name, this one is the plate's")
         self._check_shapes()

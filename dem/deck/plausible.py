@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from common import hertz
-from common.scene.plate import FlexiblePlate
+from common.scene.plate import FlexiblePlate, PlateTable
 from common.scene.scene import Scene
 from common.scene.stones import KINDS
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly, density_kg_m3
@@ -107,8 +107,10 @@ def _unknown_joint(plate: FlexiblePlate, number: int) -> list[str]:
     return lines
 
 
-def deflection_warnings(plate: FlexiblePlate, motion: RecordedMotion) -> list[str]:
+def deflection_warnings(plate: PlateTable, motion: RecordedMotion | None) -> list[str]:
     """Of a plate that, deflected so far, would stretch."""
+    if motion is None or not isinstance(plate, FlexiblePlate):
+        return []
     largest_m = motion.deflection_m(plate.edges == "free", MOST_DEFLECTION * plate.thickness_m)
     return [f"plate.thickness_m = {plate.thickness_m:g}: deflects by {largest_m / plate.thickness_m:.2g} of it; linear "
             f"theory, without stretching, is for {MOST_DEFLECTION:g} and less"] if largest_m else []

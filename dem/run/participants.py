@@ -18,7 +18,6 @@ from common.files.parquet import Columns
 from common.scene.plate import FlexiblePlate
 from dem.coupling.pipes import CheckpointMessage, CouplingError, FinishedMessage, ForceMessage, PlatePipes
 from dem.deck.pictures import picture_schedule
-from dem.deck.plausible import deflection_warnings
 from dem.deck.time_step import TimeStep
 from dem.record.energy_balance import PlateEnergy, PlateMonitor
 from dem.record.recorder import PlateRecorder
@@ -26,7 +25,7 @@ from dem.run.directory import BY_HAND, State, plate_file, read_plate_state, writ
 from dem.run.paraview import Mesh, PlateMeshes
 from dem.run.prepare import PreparedRun
 from plate_fem.modes import PlateModes
-from plate_fem.motion import FILE, ModalMotion
+from plate_fem.motion import ModalMotion, RecordedMotion
 from plate_fem.stress import HertzContact
 
 Recorder = Callable[[range, np.ndarray, np.ndarray, np.ndarray], None]
@@ -131,8 +130,9 @@ class RigidPlateParticipant:
         """No columns."""
         return {}
 
-    def write_motion(self, file: Callable[[str], Path]) -> None:
+    def recorded_motion(self) -> RecordedMotion | None:
         """No motion."""
+        return None
 
     def energy(self) -> PlateEnergy:
         """No energy."""
@@ -141,10 +141,6 @@ class RigidPlateParticipant:
     def bending(self) -> dict[str, dict[str, float]]:
         """A rigid plate does not bend."""
         return {}
-
-    def warnings(self) -> list[str]:
-        """None of a rigid plate."""
-        return []
 
     def meshes(self, dem_step: int, contacts: list[HertzContact]) -> dict[str, Mesh]:
         """A rigid plate is not shown."""
@@ -158,7 +154,7 @@ class FlexiblePlateParticipant:
         scene, step = prepared.scene, prepared.step
         self._modes, self._step = modes, step
         assert isinstance(scene.plate, FlexiblePlate)
-        self._plate, self._meshes = scene.plate, PlateMeshes(modes, scene.plate)
+        self._meshes = PlateMeshes(modes, scene.plate)
         self._motion = ModalMotion(modes, step.co_step * step.dt_s)
         self._recorder = PlateRecorder(scene, modes, self._motion, step,
                                        picture_schedule(scene, prepared.assembly, step),
@@ -220,9 +216,9 @@ class FlexiblePlateParticipant:
             raise RuntimeError("the plate was not recorded at every row of the fast stream")
         return self._recorder.signals()
 
-    def write_motion(self, file: Callable[[str], Path]) -> None:
-        """Write the modes and their state at the samples, to the path that `file` gives."""
-        self._recorder.motion(self._modes).write(file(FILE))
+    def recorded_motion(self) -> RecordedMotion | None:
+        """The modes and their state at the samples."""
+        return self._recorder.motion(self._modes)
 
     def energy(self) -> PlateEnergy:
         """Where the plate's energy is now."""
@@ -233,10 +229,6 @@ class FlexiblePlateParticipant:
         """The largest stress of bending, anywhere and at the rods, for the report on yield."""
         peak = self._recorder.bending
         return {"bending": peak.result(), "bending_at_rods": peak.result(at_rods=True)}
-
-    def warnings(self) -> list[str]:
-        """Of deflections that are too large for the plate's theory."""
-        return deflection_warnings(self._plate, self._recorder.motion(self._modes))
 
     def meshes(self, dem_step: int, contacts: list[HertzContact]) -> dict[str, Mesh]:
         """What the picture at `dem_step` shows of the plate and of the contacts on it."""

@@ -44,13 +44,15 @@ def refuse_unit(source: str, scale: float, unit: str | None) -> None:
 
 
 def acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Series:
-    """A column of accelerations in m/s^2 under its name; any other as it is."""
+    """A column of accelerations in m/s^2 under its name, NaN where it holds no number; any other as it is."""
     name, own = name_and_unit(str(column.name))
     if ACCELERATION.fullmatch(name):
-        return column * (scale * M_S2[unit or "m/s^2"])
-    if unit_of(name) != "1" or (unit or own) not in M_S2:
+        own = "m/s^2"
+    elif unit_of(name) != "1" or (unit or own) not in M_S2:
         return column
-    return (column * (scale * M_S2[unit or str(own)])).rename(sensor_column(name.removeprefix("acc_")))
+    else:
+        name = sensor_column(name.removeprefix("acc_"))
+    return pd.to_numeric(column, errors="coerce").rename(name) * (scale * M_S2[unit or str(own)])
 
 
 def at_rate(table: pd.DataFrame, rate_Hz: float, source: str, anti_alias: bool = False) -> pd.DataFrame:

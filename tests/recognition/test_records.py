@@ -9,7 +9,7 @@ import pytest
 from analysis import RecordError
 from recognition import RecognitionError
 from recognition.estimation.window import Window
-from recognition.plate.records import at_rate, record_table
+from recognition.plate.records import at_rate, numbers, record_table
 
 T_s = np.arange(200) / 8000.0
 X = np.sin(2 * np.pi * 100.0 * T_s)
@@ -34,6 +34,15 @@ def test_a_column_without_a_unit_is_left_alone_and_another_unit_is_refused(tmp_p
     for wrong in ({"unit": "V"}, {"scale": 0.0}, {"scale": float("nan")}, {"scale": 5.0}):
         with pytest.raises(RecordError, match="must be|scale = 5; needs the unit"):
             record_table(tmp_path / "a.csv", **wrong)
+
+
+@pytest.mark.parametrize("name", ["A", "A [g]", "acc_A_m_s2"])
+def test_text_among_samples_is_refused_and_a_column_of_text_passed_over(tmp_path, name):
+    text = [*X[:5].astype(str), "oops", *X[6:].astype(str)]
+    pd.DataFrame({"t_s": T_s, name: text, "note": "dry"}).to_csv(tmp_path / "a.csv", index=False)
+    table, source = record_table(tmp_path / "a.csv", 2.0, "g")
+    with pytest.raises(RecordError, match="acc_A_m_s2: every sample must be finite"):
+        numbers(table, "acc_A_m_s2", source)
 
 
 @pytest.mark.parametrize("kind", ["wav", "tdms", "h5", "lvm"])
