@@ -78,12 +78,11 @@ MOST_BYTES = 4e9
 SHORT_BYTES = 3e6  # of a table that is read sooner than pandas is imported
 TABLES = (".parquet", ".csv", ".txt")
 CHANNELS = {".wav": read_wav, ".flac": read_flac, ".uff": read_uff, ".unv": read_uff}
-ARRAYS = {".mat": read_matlab, ".h5": read_hdf5, ".hdf5": read_hdf5}
-LABVIEW = {".lvm": read_lvm, ".tdms": read_tdms}
-ENDINGS = (*TABLES, *CHANNELS, *ARRAYS, *LABVIEW)
+ARRAYS = {".mat": read_matlab, ".h5": read_hdf5, ".hdf5": read_hdf5, ".lvm": read_lvm, ".tdms": read_tdms}
+ENDINGS = (*TABLES, *CHANNELS, *ARRAYS)
 TIME_COLUMNS = ("t_s", "time_s", "time", "t")
 # What such a column is called elsewhere, without the unit that follows in brackets.
-TIME_WORDS = ("t", "time", "time_s", "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время", "时间", "時間")
+TIME_WORDS = (*TIME_COLUMNS, "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время", "时间", "時間")
 
 
 def read_record(
@@ -120,7 +119,7 @@ def read_record(
     ending = path.suffix.lower()
     if ending in TABLES:
         record = _from_table(_plain_table(path) or _columns(read_table(path)), str(path), column, time, rate_Hz)
-    elif ending in (*ARRAYS, *LABVIEW):
+    elif ending in ARRAYS:
         record = _from_arrays(_arrays(path), str(path), column, time, rate_Hz)
     elif ending in CHANNELS:
         if time is not None:
@@ -140,7 +139,7 @@ def read_signals(path: str | Path) -> pd.DataFrame:
 
     path = Path(path) / "signals.parquet" if Path(path).is_dir() else Path(path)
     ending = path.suffix.lower()
-    if ending not in (*CHANNELS, *ARRAYS, *LABVIEW):
+    if ending not in (*CHANNELS, *ARRAYS):
         table = read_table(path)
         time = _time_of(list(map(str, table.columns)), str(path), None)
         if time in (None, "t_s"):
@@ -219,10 +218,9 @@ def _plain_table(path: Path) -> dict[str, np.ndarray]:
 
 def _arrays(path: Path) -> Arrays:
     """MATLAB and HDF5 files are read in a process of their own: a damaged one can crash scipy, or HDF5's library."""
-    if path.suffix.lower() in LABVIEW:
-        return LABVIEW[path.suffix.lower()](path)
+    read = ARRAYS[path.suffix.lower()]
     try:
-        return apart(lambda: ARRAYS[path.suffix.lower()](path))
+        return apart(lambda: read(path)) if read in (read_matlab, read_hdf5) else read(path)
     except Crashed:
         raise RecordError(f"{path}: not a readable {path.suffix[1:]} file (its library crashes on it)") from None
 
@@ -300,7 +298,7 @@ def _check_rate(name: str, given_Hz: float | None, found_Hz: float, where: str) 
 
 
 def _says_time(name: str) -> bool:
-    return name_and_unit(name)[0].lower() in TIME_WORDS or name in TIME_COLUMNS
+    return name_and_unit(name)[0].lower() in TIME_WORDS
 
 
 def _last(name: str) -> str:

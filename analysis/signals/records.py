@@ -127,13 +127,12 @@ def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
 
 def chosen(path: str | Path, asked: str | None, channels: Channels) -> Record:
     """Return the channel `asked`, a name or a number from 0, or the only one. Raises RecordError."""
-    numbers = dict(zip(map(str, range(len(channels))), channels.values(), strict=True))
-    if asked is None and len(channels) == 1:
-        return numbers["0"]()
-    if asked not in {**numbers, **channels}:
+    known = {str(k): one for k, one in enumerate(channels.values())} | channels
+    asked = "0" if asked is None and len(channels) == 1 else asked
+    if asked not in known:
         found = "none named" if asked is None else f"no signal {asked!r}"
         raise RecordError(f"{path}: {found}; choose one of 0..{len(channels) - 1}")
-    return {**numbers, **channels}[asked]()
+    return known[asked]()
 
 
 def as_record(
@@ -178,7 +177,7 @@ def _from_series(series: pd.Series, rate_Hz: float | None, unit: str | None, nam
         t_s = (index - index[0]).total_seconds().to_numpy()
     elif isinstance(index, pd.TimedeltaIndex):
         t_s = index.total_seconds().to_numpy()
-    elif isinstance(index, pd.RangeIndex) or not pd.api.types.is_float_dtype(index.dtype):
+    elif not pd.api.types.is_float_dtype(index.dtype):
         raise RecordError(f"{name}: no sample rate; give rate_Hz or an index of times in seconds")
     else:
         t_s = seconds(str(index.name or ""), index.to_numpy(dtype=float), name)

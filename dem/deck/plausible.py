@@ -173,7 +173,7 @@ def _too_late(scene: Scene, falling: Sequence[Stone]) -> list[str]:
 
 def _unlikely(scene: Scene) -> list[str]:
     """Of stiffness, density and friction that no solid of such scenes has."""
-    solids, gravity_m_s2 = dict[str, Any]({"plate": scene.plate}), scene.time.gravity_m_s2
+    solids: dict[str, Any] = {"plate": scene.plate}
     if isinstance(scene.plate, FlexiblePlate):
         solids |= {f"plate.rods.{number}": rod for number, rod in enumerate(scene.plate.rods)}
     solids |= {f"materials.{name}": scene.materials[name] for name in scene.falling_materials}
@@ -181,12 +181,12 @@ def _unlikely(scene: Scene) -> list[str]:
     if scene.stones.agglomerate is not None:
         moduli_Pa |= {f"materials.{name}.bond": scene.bond_of(name).youngs_modulus_Pa
                       for name in scene.falling_materials}
+    above = [("time.gravity_m_s2", scene.time.gravity_m_s2, JUPITER_m_s2, "that of Jupiter"),
+             *((f"{table}.youngs_modulus_Pa", modulus_Pa, DIAMOND_Pa, "that of diamond, the stiffest material")
+               for table, modulus_Pa in moduli_Pa.items()),
+             *((f"contacts.{pair}.friction", one.friction, RUBBER, "that of rubber on rough ground")
+               for pair, one in scene.contacts.items())]
     return [
-        *([f"time.gravity_m_s2 = {gravity_m_s2:g}: above {JUPITER_m_s2:g}, that of Jupiter"]
-          if gravity_m_s2 > JUPITER_m_s2 else []),
-        *(f"{table}.youngs_modulus_Pa = {modulus_Pa:g}: above {DIAMOND_Pa:g}, that of diamond, the stiffest material"
-          for table, modulus_Pa in moduli_Pa.items() if modulus_Pa > DIAMOND_Pa),
+        *(f"{key} = {value:g}: above {most:g}, {what}" for key, value, most, what in above if value > most),
         *(f"{table}.density_kg_m3 = {one.density_kg_m3:g}: below {CORK_kg_m3:g}, that of cork"
-          for table, one in solids.items() if one.density_kg_m3 < CORK_kg_m3),
-        *(f"contacts.{pair}.friction = {one.friction:g}: above {RUBBER:g}, that of rubber on rough ground"
-          for pair, one in scene.contacts.items() if one.friction > RUBBER)]
+          for table, one in solids.items() if one.density_kg_m3 < CORK_kg_m3)]

@@ -31,9 +31,7 @@ def record_table(path: str | Path, scale: float = 1.0, unit: str | None = None) 
     source = str(path / "signals.parquet" if path.is_dir() else path)
     refuse_unit(source, scale, unit)
     table = read_signals(path)
-    if unit is None and not any(name_and_unit(str(name))[1] in M_S2 for name in table):
-        return table, source
-    return pd.concat([acceleration(table[name], scale, unit) for name in table], axis=1), source
+    return pd.concat([table[[]], *(acceleration(table[name], scale, unit) for name in table)], axis=1), source
 
 
 def refuse_unit(source: str, scale: float, unit: str | None) -> None:

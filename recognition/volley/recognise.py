@@ -6,7 +6,7 @@ Impulses are those of each number of stones that is told, of gangue among them, 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -247,13 +247,11 @@ def volley(record: str, plate: str, stones: Sequence[int], radius_m: float, spee
 
 def _others(found: Found) -> Iterator[tuple[str, Stones]]:
     """Stones a little different from those told."""
-    (fewest, most), radius_m, (low, high) = found.stones.counts, found.stones.radius_m, found.stones.speeds_m_s
-    for more in (-1, 1):
-        yield f"with one stone {'more' if more > 0 else 'fewer'}", Stones((fewest + more, most + more), radius_m,
-                                                                       (low, high))
-    for factor in (1 - WRONG_SPEED, 1 + WRONG_SPEED):
-        yield f"{WRONG_SPEED:.0%} {'faster' if factor > 1 else 'slower'}", Stones((fewest, most), radius_m,
-                                                                                  (low * factor, high * factor))
+    (fewest, most), (low, high) = found.stones.counts, found.stones.speeds_m_s
+    for more, word in ((-1, "fewer"), (1, "more")):
+        yield f"with one stone {word}", replace(found.stones, counts=(fewest + more, most + more))
+    for factor, word in ((1 - WRONG_SPEED, "slower"), (1 + WRONG_SPEED, "faster")):
+        yield f"{WRONG_SPEED:.0%} {word}", replace(found.stones, speeds_m_s=(low * factor, high * factor))
 
 
 def _between(name: str, values: Sequence[float], limits: tuple[float, float], unit: str = "") -> tuple[float, float]:

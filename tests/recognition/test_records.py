@@ -43,6 +43,8 @@ def test_text_among_samples_is_refused_and_a_column_of_text_passed_over(tmp_path
     table, source = record_table(tmp_path / "a.csv", 2.0, "g")
     with pytest.raises(RecordError, match="acc_A_m_s2: every sample must be finite"):
         numbers(table, "acc_A_m_s2", source)
+    table[[]].to_parquet(tmp_path / "none.parquet")
+    assert record_table(tmp_path / "none.parquet", 2.0, "g")[0].empty
 
 
 @pytest.mark.parametrize("kind", ["wav", "tdms", "h5", "lvm"])
