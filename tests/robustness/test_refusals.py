@@ -338,11 +338,16 @@ def test_no_shipped_scene_is_warned_of(scene):
 
 
 def test_a_warning_is_on_screen_and_in_run_json(tmp_path):
+    """One of the scene, and one of the run: a thin plate deflects far."""
     import json
 
-    code, _, errors = run("dem", "run", HERTZ, "--set", "stones.speed_m_s=300.0", "--out", tmp_path / "run")
-    assert code == 0 and "warning: " in errors and "Hertz" in errors
-    assert "Hertz" in json.loads((tmp_path / "run" / "run.json").read_text())["warnings"][0]
+    thin = ("stones.speed_m_s=300.0", "plate.thickness_m=0.002", "plate.max_frequency_Hz=500.0", "plate.rods=[]",
+            "time.duration_s=3e-4")
+    code, _, errors = run("dem", "run", SCENES / "elastic_plate.toml", *(word for one in thin for word in ("--set", one)),
+                          "--out", tmp_path / "run")
+    warned = json.loads((tmp_path / "run" / "run.json").read_text())["warnings"]
+    assert code == 0 and all(f"elastic_plate.toml: {line}" in errors for line in warned)
+    assert "Hertz" in warned[0] and "deflects by" in warned[-1]
 
 
 def shell(command):
