@@ -324,6 +324,7 @@ def test_times_are_those_of_the_centres(heard):
     (lambda t: t, ("--step", "0"), "must be a time, at least 0.001 s"),
     (lambda t: t, ("--coal-first", "-1"), "must be a number of stones"),
     (lambda t: t, ("--stop-above", "200"), "must be from 2 to 98 %"),
+    (lambda t: t, ("--false-alarms-per-hour", "5"), "goes with --stop-above"),
     (lambda t: t, ("--law", "none.json"), "none.json: no law"),
     (lambda t: t, ("--known", "none.toml"), "none.toml"),
     (lambda t: t, ("--silence", "1"), "from 0.02 s to the length of the record"),

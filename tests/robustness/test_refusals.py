@@ -343,8 +343,8 @@ def test_a_warning_is_on_screen_and_in_run_json(tmp_path):
 
     thin = ("stones.speed_m_s=300.0", "plate.thickness_m=0.002", "plate.max_frequency_Hz=500.0", "plate.rods=[]",
             "time.duration_s=3e-4")
-    code, _, errors = run("dem", "run", SCENES / "elastic_plate.toml", *(word for one in thin for word in ("--set", one)),
-                          "--out", tmp_path / "run")
+    changes = [word for change in thin for word in ("--set", change)]
+    code, _, errors = run("dem", "run", SCENES / "elastic_plate.toml", *changes, "--out", tmp_path / "run")
     warned = json.loads((tmp_path / "run" / "run.json").read_text())["warnings"]
     assert code == 0 and all(f"elastic_plate.toml: {line}" in errors for line in warned)
     assert "Hertz" in warned[0] and "deflects by" in warned[-1]
