@@ -21,7 +21,7 @@ Edge = Literal["x_minus", "x_plus", "y_minus", "y_plus"]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 PlaceAndSection = Annotated[tuple[float, Positive, Positive], Strict(False)]  # a list is as good as a tuple
 
-Modulus = Annotated[float, Field(ge=5e6)]  # Pa: LIGGGHTS refuses less, and rubber has about as much
+Modulus = Annotated[float, Field(ge=5e6)]  # Pa: LIGGGHTS refuses less
 
 WALL_FOOT_m = 0.01  # of a wall below the top face: no stone slips under it where the plate gives way
 LEAST_DENSITY_kg_m3, MOST_DENSITY_kg_m3 = 0.1, 25_000.0
@@ -52,7 +52,7 @@ class Rod(Place):
 
     diameter_m: Annotated[Positive, about("diameter")]
     length_m: Annotated[Positive, about("length from the plate to the clamped end")]
-    youngs_modulus_Pa: Annotated[Modulus, about("Young's modulus")]
+    youngs_modulus_Pa: Annotated[Positive, about("Young's modulus")]
     density_kg_m3: Annotated[Density, about("density")]
 
 
