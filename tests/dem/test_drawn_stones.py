@@ -83,6 +83,11 @@ def test_a_stream_has_its_rate_and_its_mass():
     assert gangue_ratio(scene, stones, mass) == pytest.approx(0.3, abs=mass.max() / mass.sum())
 
 
+def test_a_drop_height_needs_gravity():
+    with pytest.raises(InputError, match="drop_height_m.*time.gravity_m_s2"):
+        scene_of(table={"size_m": 0.02, "drop_height_m": 0.5}, **{"stones.count": 5, "time.gravity_m_s2": 0.0})
+
+
 def test_a_drop_height_is_a_speed():
     scene = scene_of(table={"size_m": 0.02, "drop_height_m": 0.5}, **{"stones.count": 5})
     assert stones_of(scene, "scene")[0].velocity_m_s == pytest.approx((0, 0, -np.sqrt(2 * 9.8 * 0.5)))

@@ -193,10 +193,12 @@ def test_command(volleys, known, tmp_path, capsys):
     assert said[1].startswith("mixing ratio by number") and float(low) <= 10 * gangue <= float(high)
     assert said[2].startswith("mixing ratio by mass")
     assert said[3].startswith("the record does not tell whether the stones are those told; by number it would be with one")
-    for wrong, text in (("5", "5"), ("3 2.5", "3 2.5"), ("2 2.5 3", "2 2.5 3")):
-        assert main([*words, "--speed", *wrong.split()]) == 2
-        assert capsys.readouterr().err == (f"--speed {text}: must be a number between 2 and 3.2, "
-                                           "or two such numbers, the lower first\n")
+    of_two = "must be a number from {}, or two, the lower first"
+    for wrong, allowed in (("--speed 5", of_two.format("2 to 3.2 m/s")), ("--speed 3 2.5", of_two.format("2 to 3.2 m/s")),
+                           ("--speed 2 2.5 3", of_two.format("2 to 3.2 m/s")), ("--stones 1", of_two.format("2 to 30")),
+                           ("--radius 25", "must be from 0.005 to 0.1 m")):
+        assert main([*words, *wrong.split()]) == 2
+        assert capsys.readouterr().err == f"{wrong}: {allowed}\n"
     assert main([*words, "--stones", "8", "12", "--speed", "2.8", "3.2"]) == 0
     wide_low, wide_high = capsys.readouterr().out.splitlines()[1].rsplit(" ", 3)[1:4:2]
     assert float(wide_low) <= float(low) and float(wide_high) >= float(high)
