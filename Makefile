@@ -17,7 +17,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help sweep stream streams campaign dataset natural report test validate sanitize bench accuracy forces listening recognise \
+.PHONY: help sweep stream streams campaign dataset natural report test slow validate sanitize bench accuracy forces listening recognise \
         stability mutants pictures engine setup lint docs clean
 
 help:  ## this list
@@ -49,9 +49,13 @@ report: setup  ## the report again from the runs in OUT
 	$(PYTHON) -m report '$(OUT)'
 
 # A file of tests stays in one process, so that what its tests share is made once. Programs that they start compile once.
-test: export PYTHONDONTWRITEBYTECODE :=
-test: setup .venv/test .venv/campaign .venv/browser build/chromium  ## all tests but the long ones
-	$(PYTHON) -m pytest -q --numprocesses $(JOBS) --dist loadfile --durations 25
+TESTS = $(PYTHON) -m pytest -q --numprocesses $(JOBS) --dist loadfile --durations 10 -m
+test slow: export PYTHONDONTWRITEBYTECODE :=
+test: setup .venv/test .venv/campaign  ## the tests but those of half a second or more
+	$(TESTS) 'not slow and not validate'
+
+slow: setup .venv/test .venv/campaign .venv/browser build/chromium  ## the tests of half a second or more; CI runs both
+	$(TESTS) 'slow and not validate'
 
 validate: setup .venv/test .venv/campaign .venv/browser build/chromium build/slurm build/calculix build/paraview  ## the long checks
 	$(PYTHON) -m pytest -q -m validate

@@ -33,6 +33,8 @@ def features(file: str, column: str | None = None, rate_Hz: float | None = None,
     """Parameters of a record of a file, as `analysis.read_record` reads it, resampled first where a rate is given.
     Raises RecordError."""
     record = read_record(file, column=column, rate_Hz=rate_Hz, scale=scale, unit=unit, time=time)
+    if resample_Hz is None and not anti_alias:
+        raise RecordError("--no-filter: goes with --resample")
     if resample_Hz is not None:
         from analysis.signals.resampling import resample  # late: it takes longer than all else
 

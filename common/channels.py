@@ -3,6 +3,7 @@
 Each name ends in its unit, in scenes, tables and code alike. What a kind of sensor measures: `dem.record.recorder`.
 """
 
+import re
 from typing import Literal
 
 #: The six responses of the plate that the paper filters and fuses (Section V-B): motion of its centre, and energies.
@@ -40,6 +41,8 @@ UNIT_BY_SUFFIX = {
     "_N": "N",
     "_J": "J",
 }
+UNITS = {*UNIT_BY_SUFFIX.values(), "ms", "us", "min", "h", "g", "kg", "mm", "mm/s", "mm/s^2",
+         "kN", "V", "mV", "mA", "%", "-"}
 
 
 def sensor_column(name: str, kind: SensorKind = "acceleration") -> str:
@@ -57,9 +60,24 @@ def force_column(number: int) -> str:
     return f"force_{number:02d}_N"
 
 
+def plain_unit(text: str) -> str:
+    """A unit in the spelling of this project: m/s^2 for [m/s²]."""
+    for old, new in (("²", "^2"), ("s2", "s^2"), ("**2", "^2"), ("\u00b5", "u"), ("\u03bc", "u"), ("sec", "s")):
+        text = text.replace(old, new)
+    return text.strip().strip("[]()").strip()
+
+
+def name_and_unit(name: str) -> tuple[str, str | None]:
+    """("Zeit", "ms") of "Zeit [ms]" or "Zeit (ms)"; None where a name has no unit in brackets. What is no unit of this
+    project is taken for one in square brackets only."""
+    match = re.fullmatch(r"(.*\S)\s*([\[(])([^\[\]()]+)[\])]", name.strip())
+    if match is None or match[2] == "(" and plain_unit(match[3]) not in UNITS:
+        return name.strip(), None
+    return match[1], plain_unit(match[3])
+
+
 def unit_of(name: str) -> str:
-    """Return the unit of a quantity by the ending of its name, "1" where it has none."""
-    for suffix, unit in UNIT_BY_SUFFIX.items():
-        if name.endswith(suffix):
-            return unit
-    return "1"
+    """Return the unit of a quantity in brackets behind its name, or by the ending of its name, "1" where it has
+    none."""
+    by_suffix = (unit for suffix, unit in UNIT_BY_SUFFIX.items() if name.endswith(suffix))
+    return name_and_unit(name)[1] or next(by_suffix, "1")

@@ -52,7 +52,7 @@ class Refused(ValueError):
     """
 
     def __init__(self, key: str, value: object, allowed: str) -> None:
-        super().__init__(allowed)
+        super().__init__(f"{key} = {_short(value)}: {allowed}")
         self.key, self.value, self.allowed = key, value, allowed
 
 

@@ -96,10 +96,10 @@ class DeckResult(Result):
 
 def deck(scene_file: Path, out: Path, gangue_ratio: float | None = None, changes: Changes = ()) -> DeckResult:
     """Write the deck of a scene into `out`/deck, whole or not at all, and run nothing."""
-    prepared = prepare(_scene(scene_file, gangue_ratio, changes), str(scene_file), user_cache(), True)
     refuse_place(out)
     if out.exists():
         raise InputError(f"--out = {out}: must not exist yet")
+    prepared = prepare(_scene(scene_file, gangue_ratio, changes), str(scene_file), user_cache(), True)
     try:
         with prepared.stages("deck"):
             write_deck(out / "deck", prepared.scene, prepared.assembly, prepared.step, prepared.modes)

@@ -97,7 +97,7 @@ OVERWRITE = _arg("--overwrite", action="store_true",
 WALLTIME = _arg("--walltime", dest="walltime_s", type=_seconds, metavar="SECONDS",
                 help="stop at a checkpoint when this time has passed, with exit code 75")
 SCALE = _arg("--scale", type=float, default=1.0, help="factor on the samples: the sensor's unit per volt, mV or count")
-UNIT = _arg("--unit", help="unit of the scaled samples, such as m/s^2 or g")
+UNIT = _arg("--unit", help="unit of the scaled samples, such as m/s^2 or g, needed with --scale")
 RECORD = _arg("record", help="run directory or record: t_s, acc_NAME_m_s2 or NAME and unit; 20 kHz for stones")
 EXPORT = _arg("--out", metavar="FILE", type=Path, help="also write FILE (.csv or .xlsx)")
 PLATE = _arg("--plate", required=True, help="plate, from `tap` (.json)")

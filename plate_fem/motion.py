@@ -276,6 +276,18 @@ class RecordedMotion:
         except (OSError, ValueError, KeyError, TypeError, BadZipFile) as error:
             raise InputError(f"{file}: not what a run writes ({' '.join(str(error).split())})") from None
 
+    def deflection_m(self, from_mean_plane: bool, least_m: float) -> float:
+        """The largest deflection of a node from rest or, of a plate that may move as a whole, from its mean plane; 0
+        where none is above least_m."""
+        shape = np.asarray(self.modes.shape, float)
+        if from_mean_plane:
+            plane = np.column_stack([np.ones(len(shape)), self.modes.node_m])
+            shape = shape - plane @ np.linalg.lstsq(plane, shape, rcond=None)[0]
+        amplitude = self.amplitude[abs(self.amplitude) @ abs(shape).max(axis=0) > least_m]
+        largest_m = max((float(abs(shape @ some.T).max()) for some in np.split(
+            amplitude, range(ModalMotion.ROWS, len(amplitude), ModalMotion.ROWS)) if len(some)), default=0.0)
+        return largest_m if largest_m > least_m else 0.0
+
     def at(self, points_m: Sequence[Sequence[float]]) -> dict[str, np.ndarray]:
         """Vertical displacement u_m, velocity v_m_s and acceleration a_m_s2 (k, points), upwards, at points (x, y) of
         the plate. Raises InputError for another point."""

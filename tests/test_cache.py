@@ -41,6 +41,7 @@ def ask(tmp_path, seconds):
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
+@pytest.mark.slow
 def test_many_processes_find_an_entry_once(tmp_path):
     processes = [ask(tmp_path, 0.5) for _ in range(5)]
     assert {float(p.communicate(timeout=60)[0]) for p in processes} == {ARRAYS["values"].sum()}
@@ -186,6 +187,7 @@ def parsed(file, found):
     return found
 
 
+@pytest.mark.slow
 def test_modules_that_are_used_are_those_that_the_parser_finds():
     for code in [*KEPT_BY, "dem/run/run.py", "report/page.py", "recognition/methods.py"]:
         assert set(used_modules(ROOT / code)) == parsed(ROOT / code, set()), code

@@ -31,6 +31,7 @@ def blocks(kind, text=EXTENDING):
     return re.findall(rf"```{kind}\n(.*?)```", text, re.DOTALL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", blocks("python"), ids=["feature", "sensor", "fusion", "figure"])
 def test_examples_in_python(code, tmp_path, monkeypatch):
     assert "assert " in code  # each example says what comes of it
@@ -42,6 +43,7 @@ def test_examples_in_python(code, tmp_path, monkeypatch):
     exec(compile(code, "docs/extending.md", "exec"), names)  # noqa: S102  our own page
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page, number", [("plate", 0), ("from_python", 0), ("from_python", 1)])
 def test_pages_run_as_they_stand(page, number, tmp_path, monkeypatch):
     """Scripts of other pages. `OUT` is where they write, `SWEEP` a sweep of the paper's scene."""
@@ -64,6 +66,7 @@ def calibrate_at_once(monkeypatch, compressive_Pa, tensile_Pa):
         monkeypatch.setattr(calibrate, name, value)
 
 
+@pytest.mark.slow
 def test_the_example_of_a_material(tmp_path, monkeypatch):
     """The calibration on few coarse packings."""
     sheet, scene = blocks("toml")

@@ -56,6 +56,7 @@ def test_the_example_of_a_public_name_runs(package, name, here, start, monkeypat
     assert doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(found).failed == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.validate] if name == "campaign" else [])
                                   for name in dir(import_module("dem"))])
 def test_the_example_of_a_command_that_runs_the_engine_runs(name, tmp_path, monkeypatch):

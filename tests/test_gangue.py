@@ -96,6 +96,7 @@ def test_modes_as_json(tmp_path, capsys):
     assert frequency_Hz[3:5] == pytest.approx([13.468 * unit_Hz, 19.596 * unit_Hz], rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_comparison_as_json(tmp_path, capsys):
     """The page is where the result says it is."""
     a, b = (write_run(tmp_path / name, 0.5) for name in ("first", "second"))
@@ -140,6 +141,7 @@ def test_a_closed_pipe_and_a_full_disk_give_no_traceback(words):
         assert (done.returncode, done.stderr) == (code, said)
 
 
+@pytest.mark.slow
 def test_a_quiet_sweep_and_its_json(tmp_path, capfd):
     """Hertz gives the peak forces (docs/validation.md); not a word but the result."""
     words = ["sweep", "scenes/hertz_coal.toml", "--out", str(tmp_path / "out"), "--quiet"]
@@ -213,6 +215,7 @@ sys.exit(main(["features", sys.argv[1]]))
 """
 
 
+@pytest.mark.slow
 def test_what_needs_no_engine_works_without_what_windows_lacks(tmp_path):
     file = tmp_path / "a.csv"
     file.write_text("t_s,a_m_s2\n" + "".join(f"{k / 1000},{(7 * k) % 13 - 6}\n" for k in range(200)))

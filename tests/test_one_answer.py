@@ -164,6 +164,7 @@ def test_recognise(runs, tapped, capsys, record, code, options):
         assert found["methods"] == {}  # nothing that nobody should trust
 
 
+@pytest.mark.slow
 def test_recognise_a_record_of_another_rate_in_g(runs, capsys):
     clean = pd.read_csv(runs / "clean.csv")
     rate_Hz, g = 20e3, 9.80665
@@ -212,6 +213,7 @@ def test_features_of_a_file_without_times(runs, capsys, options):
         assert found == {"error": said.err.removesuffix("\n"), "exit_code": 2}
 
 
+@pytest.mark.slow
 def test_fit(runs, capsys):
     said, found = both(capsys, ["fit", str(runs / "paper"), "--out", str(runs / "again.json")], 0)
     check_same(said.out, found)
@@ -274,6 +276,7 @@ def one_by_one(tmp_path_factory):
     return write_records(here, clean, there)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("record, known, code", [("clean", [], 0), ("clean", ["--coal-first", "1"], 0), ("dead", [], 3),
                                                  ("foreign", [], 3)])
 def test_listen(one_by_one, capsys, record, known, code):

@@ -119,6 +119,7 @@ def assert_block_runs(name, clone, environment=os.environ):
     assert done.returncode == 0, done.stdout[-500:] + done.stderr[-1000:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", QUICK)
 def test_a_block_runs_as_it_is_written(name, clone):
     assert_block_runs(name, clone)

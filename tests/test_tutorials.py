@@ -34,6 +34,7 @@ def test_a_tutorial_is_kept_without_what_a_machine_made_of_it(file):
         assert not cell.get("outputs") and cell.get("execution_count") is None
 
 
+@pytest.mark.slow
 def test_from_a_scene_to_a_picture(tmp_path, monkeypatch):
     names = run("scene_to_picture.ipynb", tmp_path, monkeypatch)
     summary, scene = names["summary"], names["scene"]
@@ -49,6 +50,7 @@ def test_from_a_scene_to_a_picture(tmp_path, monkeypatch):
         assert (tmp_path / "runs" / picture).stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_my_own_record(tmp_path, monkeypatch):
     names = run("own_record.ipynb", tmp_path, monkeypatch)
     resolution_Hz = names["frequency_Hz"][1]

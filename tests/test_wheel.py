@@ -135,6 +135,7 @@ def check_build_and_run(installed, found):
     assert run["peak_force_N"] == pytest.approx(hertz_peak_force_N(run["scene"]), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_scene_of_the_wheel_runs_on_the_engine_it_builds(installed, found):
     """With what the checkout's engine was made of, copied to be newer than the wheel's sources: make only links."""
     directory = Path(found["engine"]).parent

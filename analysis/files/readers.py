@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analysis.files.array_files import Arrays, read_hdf5, read_lvm, read_matlab, read_tdms
-from analysis.files.text_tables import name_and_unit, plain_unit, read_plain_table, read_text_table
+from analysis.files.text_tables import is_date, read_plain_table, read_text_table
 from analysis.files.uff_files import OF_A_TABLE, as_tap, impulse_response, read_uff
-from analysis.signals.records import Channels, Record, RecordError, chosen, sample_rate_Hz
-from common.channels import unit_of
+from analysis.signals.records import Channels, Record, RecordError, chosen, refuse_scale, sample_rate_Hz, seconds
+from common.channels import name_and_unit, plain_unit, unit_of
 from common.files.parquet import read_numbers, read_parquet
 from common.input_error import InputError, refuse_unreadable
 from common.process.processes import Crashed, apart
@@ -38,8 +38,6 @@ def read_wav(path: Path) -> Channels:
             rate_Hz, samples = wavfile.read(path)
     except BROKEN_WAV as error:
         raise RecordError(f"{path}: not a readable WAV file ({error})") from None
-    if samples.size == 0:
-        raise RecordError(f"{path}: holds no samples")
     return _channels(path, _shares_of_full_scale(samples), rate_Hz)
 
 
@@ -54,8 +52,6 @@ def read_flac(path: Path) -> Channels:
         samples, rate_Hz = soundfile.read(path)
     except (OSError, RuntimeError, ValueError, TypeError) as error:  # its own error is a RuntimeError
         raise RecordError(f"{path}: not a readable FLAC file ({' '.join(str(error).split())})") from None
-    if samples.size == 0:
-        raise RecordError(f"{path}: holds no samples")
     return _channels(path, samples, rate_Hz)
 
 
@@ -68,7 +64,9 @@ def _shares_of_full_scale(samples: np.ndarray) -> np.ndarray:
 
 
 def _channels(path: Path, samples: np.ndarray, rate_Hz: float) -> Channels:
-    """Of samples (n,) or (n, channels)."""
+    """Of samples (n,) or (n, channels). RecordError where there are none."""
+    if samples.size == 0:
+        raise RecordError(f"{path}: holds no samples")
     return {str(k): partial(Record, one, float(rate_Hz), "1", f"{path}: {k}")
             for k, one in enumerate(samples.reshape(len(samples), -1).T)}
 
@@ -80,13 +78,11 @@ MOST_BYTES = 4e9
 SHORT_BYTES = 3e6  # of a table that is read sooner than pandas is imported
 TABLES = (".parquet", ".csv", ".txt")
 CHANNELS = {".wav": read_wav, ".flac": read_flac, ".uff": read_uff, ".unv": read_uff}
-ARRAYS = {".mat": read_matlab, ".h5": read_hdf5, ".hdf5": read_hdf5}
-LABVIEW = {".lvm": read_lvm, ".tdms": read_tdms}
-ENDINGS = (*TABLES, *CHANNELS, *ARRAYS, *LABVIEW)
+ARRAYS = {".mat": read_matlab, ".h5": read_hdf5, ".hdf5": read_hdf5, ".lvm": read_lvm, ".tdms": read_tdms}
+ENDINGS = (*TABLES, *CHANNELS, *ARRAYS)
 TIME_COLUMNS = ("t_s", "time_s", "time", "t")
 # What such a column is called elsewhere, without the unit that follows in brackets.
-TIME_WORDS = ("t", "time", "time_s", "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время", "时间", "時間")
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
+TIME_WORDS = (*TIME_COLUMNS, "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время", "时间", "時間")
 
 
 def read_record(
@@ -106,7 +102,7 @@ def read_record(
     time: name of the column of times; without it the one that is called so in one of several languages, in s or in the
     unit behind its name, in brackets or after "_". rate_Hz: needed where the file has neither a rate nor times, or
     times that rounding makes uneven.
-    scale: factor on the samples, the calibration of a sensor. unit: that of the scaled samples.
+    scale: factor on the samples, the calibration of a sensor. unit: that of the scaled samples, which goes with it.
     Raises RecordError, one line, if the file cannot be read or leaves the signal or its rate open.
 
     >>> record = read_record("runs/paper/ratio_030", column="acc_A_m_s2", scale=1000.0, unit="mm/s^2")
@@ -114,6 +110,7 @@ def read_record(
     (267, 'mm/s^2')
     """
     path = Path(path)
+    refuse_scale(path, scale, unit)
     if path.is_dir():
         path = path / "signals.parquet"
     _refuse_unreadable(path)
@@ -122,15 +119,15 @@ def read_record(
     ending = path.suffix.lower()
     if ending in TABLES:
         record = _from_table(_plain_table(path) or _columns(read_table(path)), str(path), column, time, rate_Hz)
-    elif ending in (*ARRAYS, *LABVIEW):
+    elif ending in ARRAYS:
         record = _from_arrays(_arrays(path), str(path), column, time, rate_Hz)
     elif ending in CHANNELS:
+        if time is not None:
+            raise RecordError(f"{path}: no column of times {time!r}; a file with its own sample rate has none")
         record = chosen(path, column, CHANNELS[ending](path))
         _check_rate(record.name, rate_Hz, record.rate_Hz, "the file")
     else:
         raise RecordError(f"{path}: ending {path.suffix!r}; needs one of {', '.join(ENDINGS)}")
-    if not (np.isfinite(scale) and scale != 0):
-        raise RecordError(f"{path}: scale = {scale}; must be finite and not 0")
     return replace(record, values=scale * record.values, unit=unit or record.unit)
 
 
@@ -142,12 +139,12 @@ def read_signals(path: str | Path) -> pd.DataFrame:
 
     path = Path(path) / "signals.parquet" if Path(path).is_dir() else Path(path)
     ending = path.suffix.lower()
-    if ending not in (*CHANNELS, *ARRAYS, *LABVIEW):
+    if ending not in (*CHANNELS, *ARRAYS):
         table = read_table(path)
         time = _time_of(list(map(str, table.columns)), str(path), None)
         if time in (None, "t_s"):
             return table
-        return table.assign(t_s=_seconds(time, _numbers(table[time]), str(path))).drop(columns=time)
+        return table.assign(t_s=seconds(time, _numbers(table[time]), str(path))).drop(columns=time)
     _refuse_unreadable(path)
     if not path.is_file():
         raise RecordError(f"{path}: no such file")
@@ -172,11 +169,12 @@ def _with_unit(name: str, unit: str) -> str:
 
 def read_table(path: str | Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Return a Parquet or text table (`analysis.files.text_tables`); columns of a text without names are "0", "1", ...,
-    an index with a name is a column, and dates are seconds from the first one.
+    an index with a name is a column, and dates, ISO 8601 where they are text, are seconds from the first one.
 
     columns: those wanted of a Parquet table, which takes as many times less to read; all if None.
     Raises RecordError if it cannot be read, lacks one of them, or if a column appears twice.
     """
+    import pandas as pd
     from pyarrow import ArrowException
 
     path = Path(path)
@@ -193,10 +191,12 @@ def read_table(path: str | Path, columns: Sequence[str] | None = None) -> pd.Dat
     if table.index.name is not None:
         table = table.reset_index()
     table = table.rename(columns=lambda name: str(name).strip())
-    for name in table.select_dtypes(["datetime", "datetimetz", "timedelta"]):  # pandas would count them in ns
-        table[name] = (table[name] - table[name].min()).dt.total_seconds()
     if not table.columns.is_unique:
         raise RecordError(f"{path}: column {table.columns[table.columns.duplicated()][0]!r} appears twice")
+    for text in table.columns[[is_date(one) for one in table.iloc[0]]] if len(table) else ():
+        table[text] = pd.to_datetime(table[text], format="ISO8601", utc=True, errors="coerce")
+    for name in table.select_dtypes(["datetime", "datetimetz", "timedelta"]):  # pandas would count them in ns
+        table[name] = (table[name] - table[name].min()).dt.total_seconds()
     return table
 
 
@@ -218,10 +218,9 @@ def _plain_table(path: Path) -> dict[str, np.ndarray]:
 
 def _arrays(path: Path) -> Arrays:
     """MATLAB and HDF5 files are read in a process of their own: a damaged one can crash scipy, or HDF5's library."""
-    if path.suffix.lower() in LABVIEW:
-        return LABVIEW[path.suffix.lower()](path)
+    read = ARRAYS[path.suffix.lower()]
     try:
-        return apart(lambda: ARRAYS[path.suffix.lower()](path))
+        return apart(lambda: read(path)) if read in (read_matlab, read_hdf5) else read(path)
     except Crashed:
         raise RecordError(f"{path}: not a readable {path.suffix[1:]} file (its library crashes on it)") from None
 
@@ -239,11 +238,12 @@ def _from_table(table: Mapping[str, Any], source: str, column: str | None, time:
     if [name_and_unit(name)[0].lower() for name in names] == list(OF_A_TABLE):
         frequency_Hz, real, imaginary = (_numbers(table[name]) for name in names)
         return impulse_response(frequency_Hz, real + 1j * imaginary, name_and_unit(names[1])[1] or "1", source)
-    time = _time_of(names, source, time)
+    asked, time = time, _time_of(names, source, time)
     column = _signal_of([name for name in names if name != time], source, column)
-    t_s = None if time is None else _seconds(time, _numbers(table[time]), source)
-    bracketed = name_and_unit(column)[1]
-    return _record(f"{source}: {column}", _numbers(table[column]), bracketed or unit_of(column), rate_Hz, time, t_s)
+    t_s = None if time is None else seconds(time, _numbers(table[time]), source)
+    if asked is None and rate_Hz is not None and t_s is not None and np.isnan(t_s).all():
+        time = t_s = None  # of text that is no date
+    return _record(f"{source}: {column}", _numbers(table[column]), unit_of(column), rate_Hz, time, t_s)
 
 
 def _from_arrays(arrays: Arrays, source: str, column: str | None, time: str | None, rate_Hz: float | None) -> Record:
@@ -253,7 +253,7 @@ def _from_arrays(arrays: Arrays, source: str, column: str | None, time: str | No
     unit = plain_unit(arrays.units.get(column) or arrays.units.get(column.split(":")[0]) or unit_of(_last(column)))
     time = _time_of(list(beside), source, time)
     if time is not None:
-        t_s = _seconds(time, beside[time], source)
+        t_s = seconds(time, beside[time], source)
         return _record(f"{source}: {column}", values, unit, rate_Hz, time, t_s)
     found = arrays.rate_Hz(column)
     if found is not None:
@@ -298,7 +298,7 @@ def _check_rate(name: str, given_Hz: float | None, found_Hz: float, where: str) 
 
 
 def _says_time(name: str) -> bool:
-    return name_and_unit(name)[0].lower() in TIME_WORDS or name in TIME_COLUMNS
+    return name_and_unit(name)[0].lower() in TIME_WORDS
 
 
 def _last(name: str) -> str:
@@ -333,15 +333,6 @@ def _same(names: Iterable[str], asked: str) -> str | None:
 
 def _refuse(source: str, what: str, names: list[str]) -> str:
     raise RecordError(f"{source}: {what}; choose one of {', '.join(names[:12])}")
-
-
-def _seconds(name: str, times: np.ndarray, source: str) -> np.ndarray:
-    """Times in s by the unit behind their name, in brackets or after "_", s where there is none."""
-    last = name.rpartition("_")[2]
-    unit = name_and_unit(name)[1] or (last if last in SECONDS else "s")
-    if unit not in SECONDS:
-        raise RecordError(f"{source}: times {name!r} in {unit!r}; allowed are {', '.join(SECONDS)}")
-    return SECONDS[unit] * times
 
 
 def _numbers(column: pd.Series | np.ndarray) -> np.ndarray:

@@ -1,9 +1,9 @@
 """Text tables as measurement systems write them: any separator, decimal comma, lines before the numbers.
 
-The layout follows from the lines that hold nothing but numbers. The separator is a semicolon, a tab, a comma or blanks,
-whichever makes most lines such lines; a comma that does not separate is the decimal mark. The names stand in the line
-above the numbers, lines of units between them where there are any. What stands further above is passed over. Two
-columns of whole numbers without names may as well be one with a decimal comma, and are refused.
+The layout follows from the lines that hold nothing but numbers and dates. The separator is a semicolon, a tab, a comma
+or blanks, whichever makes most lines such lines; a comma that does not separate is the decimal mark. The names stand in
+the line above the numbers, lines of units between them where there are any. What stands further above is passed over.
+Two columns of whole numbers without names may as well be one with a decimal comma, and are refused.
 """
 
 from __future__ import annotations
@@ -18,18 +18,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.signals.records import RecordError
-from common.channels import UNIT_BY_SUFFIX
+from common.channels import UNITS, plain_unit
 
 if TYPE_CHECKING:
     import pandas as pd
 
 HEAD_LINES = 300  # that the layout is found from
 FRACTION = re.compile(r"\d+([eE][-+]?\d+)?")
+DATE = re.compile(r"([\d./-]+[T ])?\d+:\d\d[\d:.,]*(Z|[+-][\d:]+)?")
 LAYOUTS: tuple[tuple[str | None, str], ...] = (
     (";", "."), (";", ","), ("\t", "."), ("\t", ","), (",", "."), (None, "."), (None, ","))
 BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
-UNITS = {*UNIT_BY_SUFFIX.values(), "ms", "us", "min", "h", "g", "kg", "mm", "mm/s", "mm/s^2",
-         "kN", "V", "mV", "mA", "%", "-"}
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,7 @@ def find_layout(head: list[str], source: str) -> Layout | None:
     above = [k for k in range(layout.first) if head[k].strip()]
     if named and len(above) > 1:
         cells = _split(head[above[-1]], layout.separator)
-        if any(_is_number(cell, layout.decimal) for cell in cells):
+        if any(_is_value(cell, layout.decimal) for cell in cells):
             raise RecordError(f"{source}: line {above[-1] + 1} holds words and numbers; needs names, or numbers alone")
     return layout
 
@@ -124,7 +123,7 @@ def _try(head: list[str], separator: str | None, decimal: str) -> tuple[int, boo
     rows = {}
     for k, line in enumerate(head):
         cells = _split(line, separator)
-        if cells and (separator is None or separator in line) and all(_is_number(c, decimal) for c in cells):
+        if cells and (separator is None or separator in line) and all(_is_value(c, decimal) for c in cells):
             rows[k] = len(cells)
     if not rows:
         return None
@@ -150,22 +149,6 @@ def _are_units(cells: list[str]) -> bool:
     return cells == ["Units:"] or all(plain_unit(part) in UNITS for part in parts)
 
 
-def plain_unit(text: str) -> str:
-    """A unit in the spelling of this project: m/s^2 for [m/s²]."""
-    for old, new in (("²", "^2"), ("s2", "s^2"), ("**2", "^2"), ("\u00b5", "u"), ("\u03bc", "u"), ("sec", "s")):
-        text = text.replace(old, new)
-    return text.strip().strip("[]()").strip()
-
-
-def name_and_unit(name: str) -> tuple[str, str | None]:
-    """("Zeit", "ms") of "Zeit [ms]" or "Zeit (ms)"; None where a name has no unit in brackets. What is no unit of this
-    project is taken for one in square brackets only."""
-    match = re.fullmatch(r"(.*\S)\s*([\[(])([^\[\]()]+)[\])]", name.strip())
-    if match is None or match[2] == "(" and plain_unit(match[3]) not in UNITS:
-        return name.strip(), None
-    return match[1], plain_unit(match[3])
-
-
 def _split(line: str, separator: str | None) -> list[str]:
     """Cells of a line without quotes, and without the empty ones at its end."""
     cells = [cell.strip().strip('"').strip() for cell in line.split(separator)]
@@ -174,7 +157,14 @@ def _split(line: str, separator: str | None) -> list[str]:
     return cells
 
 
-def _is_number(cell: str, decimal: str) -> bool:
+def is_date(cell: object) -> bool:
+    """Is it text with a time of day, with or without a date?"""
+    return isinstance(cell, str) and DATE.fullmatch(cell) is not None
+
+
+def _is_value(cell: str, decimal: str) -> bool:
+    if is_date(cell):
+        return True
     if decimal == ",":
         if "." in cell:
             return False

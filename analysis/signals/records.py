@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
-from common.channels import unit_of
+from common.channels import name_and_unit, unit_of
 from common.input_error import CommandError
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 # Times written with few digits jitter by the last digit. More than this share of the interval means gaps, or a rate
 # that changes.
 MAX_TIME_JITTER = 0.01
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
 LEAST_INTERVAL_s = 1e-12  # of which a rate, and its whole number, are far from the ends of what numbers hold
 
 
@@ -55,7 +56,12 @@ class Record:
     t0_s: float = 0.0
 
     def __post_init__(self) -> None:
-        values = np.asarray(self.values, dtype=float)
+        if np.iscomplexobj(self.values):
+            raise RecordError(f"{self.name}: complex numbers; needs real ones")
+        try:
+            values = np.ma.filled(np.asanyarray(self.values, dtype=float), np.nan)
+        except (TypeError, ValueError):
+            raise RecordError(f"{self.name}: every sample must be a number") from None
         if values.ndim != 1 or values.size < 2:
             raise RecordError(f"{self.name}: shape {values.shape}; needs one dimension and at least 2 samples")
         if not np.all(np.isfinite(values)):
@@ -77,6 +83,23 @@ class Record:
         return self.t0_s + np.arange(self.values.size) / self.rate_Hz
 
 
+def refuse_scale(source: object, scale: float, unit: str | None) -> None:
+    """RecordError for a scale that is no factor, or whose samples are in nobody knows which unit."""
+    if not (np.isfinite(scale) and scale != 0):
+        raise RecordError(f"{source}: scale = {scale}; must be finite and not 0")
+    if scale != 1.0 and unit is None:
+        raise RecordError(f"{source}: scale = {scale:g}; needs the unit of the scaled samples as well, such as m/s^2")
+
+
+def seconds(name: str, times: np.ndarray, source: str) -> np.ndarray:
+    """Times in s by the unit behind their name, in brackets or after "_", s where there is none."""
+    last = name.rpartition("_")[2]
+    unit = name_and_unit(name)[1] or (last if last in SECONDS else "s")
+    if unit not in SECONDS:
+        raise RecordError(f"{source}: times {name!r} in {unit!r}; allowed are {', '.join(SECONDS)}")
+    return SECONDS[unit] * times
+
+
 Channels = dict[str, Callable[[], Record]]  # of a file, by name
 
 
@@ -88,7 +111,8 @@ def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
     if steps.size == 0:
         raise RecordError(f"{source}: has {t_s.size} samples; must have at least 2")
     if not np.all(np.isfinite(t_s)) or np.any(steps <= 0):
-        raise RecordError(f"{source}: times must be finite and rise from sample to sample")
+        raise RecordError(f"{source}: times must be finite numbers, or dates such as 2026-11-28T10:00:00.001, and rise "
+                          "from sample to sample")
     dt_s = (t_s[-1] - t_s[0]) / steps.size
     worst = int(np.argmax(np.abs(steps - dt_s)))
     if abs(steps[worst] - dt_s) > MAX_TIME_JITTER * dt_s:
@@ -103,13 +127,12 @@ def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
 
 def chosen(path: str | Path, asked: str | None, channels: Channels) -> Record:
     """Return the channel `asked`, a name or a number from 0, or the only one. Raises RecordError."""
-    numbers = dict(zip(map(str, range(len(channels))), channels.values(), strict=True))
-    if asked is None and len(channels) == 1:
-        return numbers["0"]()
-    if asked not in {**numbers, **channels}:
+    known = {str(k): one for k, one in enumerate(channels.values())} | channels
+    asked = "0" if asked is None and len(channels) == 1 else asked
+    if asked not in known:
         found = "none named" if asked is None else f"no signal {asked!r}"
         raise RecordError(f"{path}: {found}; choose one of 0..{len(channels) - 1}")
-    return {**numbers, **channels}[asked]()
+    return known[asked]()
 
 
 def as_record(
@@ -118,8 +141,9 @@ def as_record(
 ) -> Record:  # fmt: skip
     """Return a Record from an array with its rate, from a pandas Series, or from a Record.
 
-    A Series needs no rate if its index is the time in seconds, a DatetimeIndex or a TimedeltaIndex.
-    Raises RecordError for a missing rate, or one that differs from that of the record, and for complex numbers.
+    A Series needs no rate if its index is the time in seconds, or in the unit behind its name, a DatetimeIndex or a
+    TimedeltaIndex. Its unit is that behind its name.
+    Raises RecordError for a missing rate, or one that differs from that of the record, and for what is no real number.
 
     >>> import pandas as pd
     >>> as_record(pd.Series([0.0, 2.0, 1.0], index=[0.0, 0.5, 1.0], name="a_m_s2")).rate_Hz
@@ -129,13 +153,11 @@ def as_record(
         if rate_Hz is not None and not np.isclose(rate_Hz, signal.rate_Hz, rtol=1e-6):
             raise RecordError(f"{signal.name}: rate_Hz = {rate_Hz}; the record has {signal.rate_Hz:.6g}")
         return signal
-    if np.iscomplexobj(signal):
-        raise RecordError(f"{name or 'signal'}: complex numbers; needs real ones")
     if _is_series(signal):
         return _from_series(signal, rate_Hz, unit, name)
     if rate_Hz is None:
         raise RecordError(f"{name or 'signal'}: no sample rate; give rate_Hz")
-    return Record(np.asarray(signal, dtype=float), rate_Hz, unit or "1", name or "signal")
+    return Record(np.asanyarray(signal), rate_Hz, unit or "1", name or "signal")
 
 
 def _is_series(signal: object) -> TypeGuard[pd.Series]:
@@ -150,13 +172,13 @@ def _from_series(series: pd.Series, rate_Hz: float | None, unit: str | None, nam
     unit = unit or unit_of(name)
     index = series.index
     if rate_Hz is not None:
-        return Record(series.to_numpy(dtype=float), rate_Hz, unit, name)
+        return Record(series.to_numpy(), rate_Hz, unit, name)
     if isinstance(index, pd.DatetimeIndex):
         t_s = (index - index[0]).total_seconds().to_numpy()
     elif isinstance(index, pd.TimedeltaIndex):
         t_s = index.total_seconds().to_numpy()
-    elif isinstance(index, pd.RangeIndex) or not pd.api.types.is_float_dtype(index.dtype):
+    elif not pd.api.types.is_float_dtype(index.dtype):
         raise RecordError(f"{name}: no sample rate; give rate_Hz or an index of times in seconds")
     else:
-        t_s = index.to_numpy(dtype=float)
-    return Record(series.to_numpy(dtype=float), sample_rate_Hz(t_s, name), unit, name, float(t_s[0]))
+        t_s = seconds(str(index.name or ""), index.to_numpy(dtype=float), name)
+    return Record(series.to_numpy(), sample_rate_Hz(t_s, name), unit, name, float(t_s[0]))

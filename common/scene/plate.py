@@ -21,6 +21,8 @@ Edge = Literal["x_minus", "x_plus", "y_minus", "y_plus"]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$", max_length=32)]
 PlaceAndSection = Annotated[tuple[float, Positive, Positive], Strict(False)]  # a list is as good as a tuple
 
+Modulus = Annotated[float, Field(ge=5e6)]  # Pa: LIGGGHTS refuses less
+
 WALL_FOOT_m = 0.01  # of a wall below the top face: no stone slips under it where the plate gives way
 LEAST_DENSITY_kg_m3, MOST_DENSITY_kg_m3 = 0.1, 25_000.0
 
@@ -85,7 +87,7 @@ class Plate(Table):
 
     size_m: Annotated[tuple[Positive, Positive], about("sides along x and y")]
     density_kg_m3: Annotated[Density, about("density", paper="Table 1: 7830")]
-    youngs_modulus_Pa: Annotated[Positive, about("Young's modulus", paper="Table 1: 2.07e11")]
+    youngs_modulus_Pa: Annotated[Modulus, about("Young's modulus", paper="Table 1: 2.07e11")]
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5), about("Poisson's ratio", paper="Table 1: 0.3")]
     tilt_deg: Annotated[float, Field(ge=0, lt=90), about(
         "tilt: the plate falls off towards +x")] = 0.0

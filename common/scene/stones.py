@@ -22,6 +22,7 @@ MOST_STONES = 10_000
 LARGEST_SIZE_m = 10.0
 FASTEST_m_s, MOST_SPIN_rad_s = 1e3, 1e5
 Speed = Annotated[float, Field(ge=0, le=FASTEST_m_s)]
+Radius = Annotated[float, Field(gt=0, le=LARGEST_SIZE_m / 2)]
 Pair = Annotated[tuple[float, float], BeforeValidator(lambda pair: tuple(pair) if isinstance(pair, list) else pair)]
 VOLLEY = ("count", "radius_m", "speed_m_s", "positions_m", "gangue_ratio")
 ONLY_VOLLEY = ("radius_m", "speed_m_s", "positions_m", "gangue_order")
@@ -36,7 +37,7 @@ class AgglomerateTable(Table):
     """How a stone is made of bonded sub-spheres."""
 
     subspheres: Annotated[int, Field(ge=2, le=100_000), about("sub-spheres of a stone")]
-    damping_ratio: Annotated[NotNegative, about("damping ratio of the bonds (docs/bonds.md)")] = 0.05
+    damping_ratio: Annotated[float, Field(ge=0, le=1), about("damping ratio of the bonds (docs/bonds.md)")] = 0.05
     unbreakable: Annotated[bool, about("bonds never break")] = False
     contact: Annotated[Literal["sub_spheres", "smooth", "faces"] | None, about(
         "how a stone touches the plate (docs/contact.md); absent: \"smooth\" where all stones are spheres, else "
@@ -47,7 +48,7 @@ class EachStone(Table):
     """One stone."""
 
     material: Annotated[str, about("name of its table in materials")]
-    radius_m: Annotated[Positive, about("radius of the sphere of equal volume")]
+    radius_m: Annotated[Radius, about("radius of the sphere of equal volume")]
     shape: Annotated[str, about("\"sphere\", or the name of a table in shapes")] = SPHERE
     place_m: Annotated[Pair, about("place of its centre at touch, along length and width")]
     velocity_m_s: Annotated[Velocity, about(
@@ -134,7 +135,7 @@ class StonesTable(Table):
 
     count: Annotated[Annotated[int, Field(ge=1, le=MOST_STONES)] | None, about(
         "number of stones of a volley (docs/stones.md), or drawn", paper="10")] = None
-    radius_m: Annotated[Positive | None, about("radius of a stone of a volley", paper="0.025")] = None
+    radius_m: Annotated[Radius | None, about("radius of a stone of a volley", paper="0.025")] = None
     speed_m_s: Annotated[Speed | None, about("impact speed of a volley, downwards", paper="3.0")] = None
     positions_m: Annotated[tuple[Pair, ...] | None, about(
         "place of the centre of each stone; a number alone: radius of their circle, stone 1 on the x axis",

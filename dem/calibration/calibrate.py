@@ -30,7 +30,8 @@ from scipy.optimize import brentq
 
 from common.files.output_directory import stamped
 from common.files.whole import write_text
-from common.scene.scene import LEAST_MODULUS_Pa, MaterialTable, Scene, contact_key, scene_hash
+from common.scene.plate import Modulus
+from common.scene.scene import MaterialTable, Scene, contact_key, scene_hash
 from common.tables import InputError, Positive, Table, check, refused_in
 from dem.calibration.lab_sheet import find_sheet, scene_with
 from dem.calibration.virtual_tests import (
@@ -76,7 +77,7 @@ class TargetTable(Table):
     """The strengths of a rock, with their sources, and its elastic constants where they are not the scene's."""
 
     density_kg_m3: Positive | None = None
-    youngs_modulus_Pa: Annotated[float, Field(ge=LEAST_MODULUS_Pa)] | None = None
+    youngs_modulus_Pa: Modulus | None = None
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)] | None = None
     elastic_source: Source = "laboratory sheet, or else as in the scene"  # of the density, too
     tensile_strength_Pa: Positive

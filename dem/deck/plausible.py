@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from common import hertz
-from common.scene.plate import FlexiblePlate
+from common.scene.plate import FlexiblePlate, PlateTable
 from common.scene.scene import Scene
 from common.scene.stones import KINDS
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly, density_kg_m3
@@ -18,14 +18,17 @@ from dem.stones.bonds import CRACK_AREA
 from dem.stones.stone import Stone, impact_speed_m_s
 from plate_fem.elements import mesh, system
 from plate_fem.elements.rods import joint_range
+from plate_fem.motion import RecordedMotion
 
-GRAVITY_m_s2 = 9.81
+GRAVITY_m_s2, JUPITER_m_s2 = 9.81, 25.0
 DIAMOND_Pa, CORK_kg_m3, RUBBER = 1.22e12, 120.0, 2.0
 LEAST_RESOLUTION = 2.3  # fragment size over sub-sphere: down to it, areas are within 10 % of those of finer stones
 CRITICAL_SPEED = 0.84  # the laboratory's case `critical_speed`
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
+IDEAL_STRENGTH = 0.2  # of Young's modulus: of whiskers and of glass fresh from the melt
 LEAST_SPAN = 10  # the shorter side in thicknesses
+MOST_DEFLECTION = 0.5  # over the thickness: beyond, a plate stretches as it bends (von Karman)
 MOST_LEFT_OUT, MOST_MISSING = 0.05, 0.01  # of the plate's energy above its modes; of the impulse
 
 
@@ -36,7 +39,9 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
     fastest = max(stone.speed_m_s for stone in falling)
     speed = max(float(np.hypot(stone.speed_m_s, np.sqrt(2 * scene.time.gravity_m_s2 * stone.gap_m)))
                 for stone in falling)
-    radius = np.float64(max(stone.radius_m for stone in falling))  # whose powers may overflow to infinity
+    radius, side_m = max(stone.radius_m for stone in falling), min(scene.plate.size_m)
+    if 2 * radius > side_m:
+        lines.append(f"stones: a radius of {radius:g} m; the plate's shorter side is {side_m:g} m")
     lines += [f"materials.{name}: no stone is of it; only stones.each names other materials than coal and gangue"
               for name in sorted(set(scene.materials) - set(scene.falling_materials) - set(KINDS))]
     for name in scene.falling_materials:
@@ -54,7 +59,11 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
                          f"its radius; Hertz' contact is for little, to {LARGEST_APPROACH:g}")
         weight_Pa = 2 * material.density_kg_m3 * GRAVITY_m_s2 * radius
         if stones.agglomerate is not None and not stones.agglomerate.unbreakable:
-            strength = scene.bond_of(name).tensile_strength_Pa
+            bond = scene.bond_of(name)
+            strength = bond.tensile_strength_Pa
+            if strength > IDEAL_STRENGTH * bond.youngs_modulus_Pa:
+                lines.append(f"{table}.bond.tensile_strength_Pa = {strength:g}: above {IDEAL_STRENGTH:g} of the bonds' "
+                             "Young's modulus, more than a solid without flaws has")
             if strength < weight_Pa:
                 lines.append(f"{table}.bond.tensile_strength_Pa = {strength:g}: below {weight_Pa:.3g}, the stress of "
                              "a stone's own weight on earth")
@@ -96,6 +105,15 @@ def _unknown_joint(plate: FlexiblePlate, number: int) -> list[str]:
             lines.append(f"{name}.{key} = {getattr(rod, key):g}: {words} is {ratio:.2g}; joints are known from "
                          f"{least:.2g} to {most:.2g}, and the nearest is taken")
     return lines
+
+
+def deflection_warnings(plate: PlateTable, motion: RecordedMotion | None) -> list[str]:
+    """Of a plate that, deflected so far, would stretch."""
+    if motion is None or not isinstance(plate, FlexiblePlate):
+        return []
+    largest_m = motion.deflection_m(plate.edges == "free", MOST_DEFLECTION * plate.thickness_m)
+    return [f"plate.thickness_m = {plate.thickness_m:g}: deflects by {largest_m / plate.thickness_m:.2g} of it; linear "
+            f"theory, without stretching, is for {MOST_DEFLECTION:g} and less"] if largest_m else []
 
 
 def momentum_warnings(missing: float | None) -> list[str]:
@@ -163,10 +181,12 @@ def _unlikely(scene: Scene) -> list[str]:
     if scene.stones.agglomerate is not None:
         moduli_Pa |= {f"materials.{name}.bond": scene.bond_of(name).youngs_modulus_Pa
                       for name in scene.falling_materials}
+    above = [("time.gravity_m_s2", scene.time.gravity_m_s2, JUPITER_m_s2, "that of Jupiter"),
+             *((f"{table}.youngs_modulus_Pa", modulus_Pa, DIAMOND_Pa, "that of diamond, the stiffest material")
+               for table, modulus_Pa in moduli_Pa.items()),
+             *((f"contacts.{pair}.friction", one.friction, RUBBER, "that of rubber on rough ground")
+               for pair, one in scene.contacts.items())]
     return [
-        *(f"{table}.youngs_modulus_Pa = {modulus_Pa:g}: above {DIAMOND_Pa:g}, that of diamond, the stiffest material"
-          for table, modulus_Pa in moduli_Pa.items() if modulus_Pa > DIAMOND_Pa),
+        *(f"{key} = {value:g}: above {most:g}, {what}" for key, value, most, what in above if value > most),
         *(f"{table}.density_kg_m3 = {one.density_kg_m3:g}: below {CORK_kg_m3:g}, that of cork"
-          for table, one in solids.items() if one.density_kg_m3 < CORK_kg_m3),
-        *(f"contacts.{pair}.friction = {one.friction:g}: above {RUBBER:g}, that of rubber on rough ground"
-          for pair, one in scene.contacts.items() if one.friction > RUBBER)]
+          for table, one in solids.items() if one.density_kg_m3 < CORK_kg_m3)]

@@ -25,7 +25,7 @@ from dem.run.directory import BY_HAND, State, plate_file, read_plate_state, writ
 from dem.run.paraview import Mesh, PlateMeshes
 from dem.run.prepare import PreparedRun
 from plate_fem.modes import PlateModes
-from plate_fem.motion import FILE, ModalMotion
+from plate_fem.motion import ModalMotion, RecordedMotion
 from plate_fem.stress import HertzContact
 
 Recorder = Callable[[range, np.ndarray, np.ndarray, np.ndarray], None]
@@ -130,8 +130,9 @@ class RigidPlateParticipant:
         """No columns."""
         return {}
 
-    def write_motion(self, file: Callable[[str], Path]) -> None:
+    def recorded_motion(self) -> RecordedMotion | None:
         """No motion."""
+        return None
 
     def energy(self) -> PlateEnergy:
         """No energy."""
@@ -215,9 +216,9 @@ class FlexiblePlateParticipant:
             raise RuntimeError("the plate was not recorded at every row of the fast stream")
         return self._recorder.signals()
 
-    def write_motion(self, file: Callable[[str], Path]) -> None:
-        """Write the modes and their state at the samples, to the path that `file` gives."""
-        self._recorder.motion(self._modes).write(file(FILE))
+    def recorded_motion(self) -> RecordedMotion | None:
+        """The modes and their state at the samples."""
+        return self._recorder.motion(self._modes)
 
     def energy(self) -> PlateEnergy:
         """Where the plate's energy is now."""

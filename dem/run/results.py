@@ -21,7 +21,7 @@ from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from dem.coupling.launch import library_version
 from dem.deck.contact import read_contacts, yield_report
-from dem.deck.plausible import breakage_scales, momentum_warnings
+from dem.deck.plausible import breakage_scales, deflection_warnings, momentum_warnings
 from dem.deck.render import wall_file
 from dem.deck.time_step import TimeStep, accuracy_settings, stone_contact_time_s
 from dem.record.energy_balance import (
@@ -40,6 +40,7 @@ from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly, density_kg_m3
 from dem.stones.stone import material_of, plate_contact
 from plate_fem.modes import energy_left_out
+from plate_fem.motion import FILE
 
 _log = logging.getLogger(__name__)
 # Of the bodies that were taken out when they had left the plate for good, in order of time.
@@ -74,7 +75,8 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     write_parquet(fast, file("fast.parquet"))
     signals = samples_of(fast, step.sample_steps // step.fast_steps, scene.time.anti_alias)
     write_parquet(signals, file("signals.parquet"))
-    plate.write_motion(file)
+    if (motion := plate.recorded_motion()) is not None:
+        motion.write(file(FILE))
     write_parquet(events, file("breakage.parquet"))
     contacts = read_contacts(deck / "contacts.bin", step.dt_s)
     write_parquet(contacts, file("contacts.parquet"))
@@ -98,7 +100,8 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
 def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
     """The fields of common.run_summary.RunSummary that follow from a run and its results."""
     outcome = _outcome(prepared, plate, results)
-    late = warned(prepared.source, momentum_warnings(outcome.get("momentum_missing")))
+    late = warned(prepared.source, [*momentum_warnings(outcome.get("momentum_missing")),
+                                     *deflection_warnings(prepared.scene.plate, plate.recorded_motion())])
     return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results), **outcome,
             "warnings": prepared.warnings + late}
 

@@ -234,10 +234,10 @@ def bending_wavenumber(plate: FlexiblePlate, frequency_Hz: float, theory: str) -
 
 
 def highest_frequency_Hz(plate: FlexiblePlate) -> float:
-    """Return `max_frequency_Hz` of a plate. Raises ValueError if its table leaves it to the stones."""
-    if plate.max_frequency_Hz is None:
-        raise ValueError("max_frequency_Hz is not known yet: see common.scene.error_laws.with_cut_off")
-    return plate.max_frequency_Hz
+    """Return `max_frequency_Hz` of a plate. Raises Refused if its table leaves it to the stones, or a copy has none."""
+    if not 0 < (frequency_Hz := plate.max_frequency_Hz or 0.0) < math.inf:
+        raise Refused("max_frequency_Hz", frequency_Hz, "must be above 0, or found by error_laws.with_cut_off")
+    return frequency_Hz
 
 
 def kirchhoff_error(plate: FlexiblePlate) -> float:

@@ -7,10 +7,9 @@ import numpy as np
 import pandas as pd
 
 from analysis.files.readers import read_signals
-from analysis.files.text_tables import name_and_unit
-from analysis.signals.records import Record, RecordError, sample_rate_Hz
+from analysis.signals.records import Record, RecordError, refuse_scale, sample_rate_Hz
 from analysis.signals.resampling import resample
-from common.channels import sensor_column, unit_of
+from common.channels import name_and_unit, sensor_column, unit_of
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
@@ -32,27 +31,26 @@ def record_table(path: str | Path, scale: float = 1.0, unit: str | None = None) 
     source = str(path / "signals.parquet" if path.is_dir() else path)
     refuse_unit(source, scale, unit)
     table = read_signals(path)
-    if unit is None and scale == 1.0 and not any(name_and_unit(str(name))[1] in M_S2 for name in table):
-        return table, source
-    return pd.concat([acceleration(table[name], scale, unit) for name in table], axis=1), source
+    return pd.concat([table[[]], *(acceleration(table[name], scale, unit) for name in table)], axis=1), source
 
 
 def refuse_unit(source: str, scale: float, unit: str | None) -> None:
     """RecordError for a unit that is none of accelerations, and a scale that is no factor."""
     if unit is not None and unit not in M_S2:
         raise RecordError(f"{source}: unit = {unit!r}; must be one of {', '.join(M_S2)}")
-    if not (np.isfinite(scale) and scale != 0):
-        raise RecordError(f"{source}: scale = {scale}; must be finite and not 0")
+    refuse_scale(source, scale, unit)
 
 
 def acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Series:
-    """A column of accelerations in m/s^2 under its name; any other as it is."""
+    """A column of accelerations in m/s^2 under its name, NaN where it holds no number; any other as it is."""
     name, own = name_and_unit(str(column.name))
     if ACCELERATION.fullmatch(name):
-        return column * (scale * M_S2[unit or "m/s^2"])
-    if unit_of(name) != "1" or (unit or own) not in M_S2:
+        own = "m/s^2"
+    elif unit_of(name) != "1" or (unit or own) not in M_S2:
         return column
-    return (column * (scale * M_S2[unit or str(own)])).rename(sensor_column(name.removeprefix("acc_")))
+    else:
+        name = sensor_column(name.removeprefix("acc_"))
+    return pd.to_numeric(column, errors="coerce").rename(name) * (scale * M_S2[unit or str(own)])
 
 
 def at_rate(table: pd.DataFrame, rate_Hz: float, source: str, anti_alias: bool = False) -> pd.DataFrame:

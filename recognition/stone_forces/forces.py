@@ -49,10 +49,12 @@ SHIPPED = Path(__file__).parent / "stone_forces.json"
 
 
 def refuse_limits(radius_m: tuple[float, float], speed_m_s: tuple[float, float]) -> None:
-    """Raises RecognitionError for limits of stones that are no two numbers above 0, below 100, the lower first."""
-    for name, (low, high) in (("radius", radius_m), ("speed", speed_m_s)):
-        if not 0 < low <= high < 100:
-            raise RecognitionError(f"--{name} {low:g} {high:g}: must be two numbers above 0, below 100, lower first")
+    """Raises RecognitionError for limits of stones that are no two numbers above 0, below a metre or 100 m/s, the lower
+    first."""
+    for name, (low, high), most, unit in (("radius", radius_m, 1, "m"), ("speed", speed_m_s, 100, "m/s")):
+        if not 0 < low <= high < most:
+            raise RecognitionError(f"--{name} {low:g} {high:g}: must be two numbers above 0, below {most} {unit}, the "
+                                   "lower first")
 
 
 @dataclass(frozen=True)

@@ -102,6 +102,8 @@ def listen(record: str, plate: str, radius_m: tuple[float, float], speed_m_s: tu
     Raises RecordError, RecognitionError, InputError."""
     refuse_limits(radius_m, speed_m_s)
     prior = StonePrior(load_forces(SHIPPED if law is None else Path(law)), radius_m, speed_m_s)
+    if stop_above_percent is None and false_alarms_1_h != 1.0:
+        raise RecognitionError("--false-alarms-per-hour: goes with --stop-above")
     stop = None if stop_above_percent is None else Stop(stop_above_percent / 100, false_alarms_1_h)
     tapped = PlateModel.load(Path(plate))
     if coal_first < 0:

@@ -9,10 +9,10 @@ and stiffnesses. Centres, what is between them, and the scatter of the stones va
     density       s ~ rho^(2/5), J ~ rho
 
 How far they vary is unknown, and so are the shares of gangue, of stones of either material that break, which have
-another form, of stones that bounced, and of what is no stone: a second touch, a fragment, a knock; and by how much the
-errors are larger than the fit says. The simulated law of forces is the prior of all that. A known stone is of its
-material with a probability of KNOWN. Known stones that were dropped may have had another speed and size than those of
-the record.
+another form, of stones that bounced or met in the air, and how slow these are, and of what is no stone: a second touch,
+a fragment, a knock; and by how much the errors are larger than the fit says. The simulated law of forces is the prior
+of all that. A known stone is of its material with a probability of KNOWN. Known stones that were dropped may have had
+another speed and size than those of the record.
 
 Where the record fits several laws, the draws hold all of them.
 """
@@ -42,10 +42,12 @@ SCATTER, SCATTER_SD, WIDEST = np.array([0.05, 0.05, 0.03, 0.03]), 1.0, 1.0
 BREAKS_SD, OTHER, OTHER_SD = 1.5, -3.5, 1.0  # of logits
 HARDER_SD = 0.75  # of the logit of coal that breaks less that of gangue: of a weaker seam both break more
 LUMPS, LUMP_SD = 0.03, 0.8  # share, and deviation of the logarithm of size
-#: Stones that come down slower, since they bounced or struck another in the air: mean and deviation of the logarithm of
-#: speed, that of restitutions from 0.5 to 0.9; time within which two meet, so that the odds grow as the rate of stones,
-#: 10 to 400 a second; deviation of their logit.
-SLOWER, SLOWER_SD, MEET_S, SLOWED_SD = -0.4, 0.2, 3e-3, 1.0
+#: Stones that come down slower, since they bounced or struck another in the air: time within which two meet, so that
+#: the odds grow as the rate of stones, 10 to 400 a second; deviation of their logit. Mean and logarithm of the deviation
+#: of the logarithm of their speed, with deviations of both: restitutions from 0.5 to 0.9 leave -0.37 and log 0.17,
+#: stones that meet in the engine -0.5 and log 0.35.
+MEET_S, SLOWED_SD = 3e-3, 1.0
+SLOWER, SLOWER_SD = np.array([-0.47, np.log(0.28)]), np.array([0.12, 0.3])
 USUAL_1_s, FASTEST_1_s = 50.0, 400.0  # rates where none is told, and beyond which none is known
 #: Of how many times larger the errors are than told, the logarithm: the plate is not quite its model, most at high
 #: frequencies, from which the durations and forms of small stones follow.
@@ -54,7 +56,7 @@ OTHER_DENSITY = 1 / (3.0 * 12.0 * 6.0)  # of what is no such stone: log s, b and
 KNOWN = 0.95
 LEAST_APART = 0.15, 0.15  # of log J and log J - 3 log s: gangue of one size and speed pushes harder than coal
 CENTRE, APART, SCATTERS, GANGUE, BROKEN = slice(0, 3), slice(3, 6), slice(6, 10), 10, slice(11, 13)
-OTHERS, SLOW, ERRORS, DROPPED, NUMBERS = 13, 14, 15, slice(16, 18), 18
+OTHERS, SLOW, ERRORS, DROPPED, HOW_SLOW, NUMBERS = 13, 14, 15, slice(16, 18), slice(18, 20), 20
 TAUGHT, STARTS, DRAWN = 200, 21, 48  # stones by which the law is learnt, so many known and unknown at most; laws
 AT_ONCE = 16_000  # laws times stones, which stay in the processor's cache
 LEAST_ERROR = 1e-3  # of logarithms
@@ -155,6 +157,7 @@ class Beliefs:
         z[:, SLOW] = self.slowed + SLOWED_SD * z[:, SLOW]
         z[:, ERRORS] = LARGER + LARGER_SD * z[:, ERRORS]
         z[:, DROPPED] *= DROPPED_SD
+        z[:, HOW_SLOW] = SLOWER + SLOWER_SD * z[:, HOW_SLOW]
         return z
 
     def log_prior(self, z: Floats) -> Floats:
@@ -166,7 +169,8 @@ class Beliefs:
                         + np.einsum("ki,ij,kj->k", breaks, _BREAKS, breaks)
                         + ((z[:, OTHERS] - OTHER) / OTHER_SD) ** 2 + ((z[:, SLOW] - self.slowed) / SLOWED_SD) ** 2
                         + ((z[:, ERRORS] - LARGER) / LARGER_SD) ** 2
-                        + np.sum((z[:, DROPPED] / DROPPED_SD) ** 2, axis=1))
+                        + np.sum((z[:, DROPPED] / DROPPED_SD) ** 2, axis=1)
+                        + np.sum(((z[:, HOW_SLOW] - SLOWER) / SLOWER_SD) ** 2, axis=1))
         s, _, j = z[:, APART].T
         too_light = np.minimum(np.minimum(j - LEAST_APART[0], j - 3 * s - LEAST_APART[1]), 0)
         return np.asarray(total - np.logaddexp(0, z[:, GANGUE]) - np.logaddexp(0, -z[:, GANGUE]) - 1e3 * too_light**2)
@@ -175,7 +179,7 @@ class Beliefs:
     def curvature(self) -> Floats:
         """(NUMBERS, NUMBERS): about that of minus the log prior."""
         out = np.diag(np.r_[np.zeros(6), np.full(4, SCATTER_SD**-2), 0.25, np.zeros(2), OTHER_SD**-2, SLOWED_SD**-2,
-                            LARGER_SD**-2, DROPPED_SD**-2])
+                            LARGER_SD**-2, DROPPED_SD**-2, SLOWER_SD**-2])
         out[CENTRE, CENTRE], out[APART, APART] = self.precisions
         out[BROKEN, BROKEN] = _BREAKS
         return out
@@ -195,7 +199,9 @@ class Beliefs:
     def _log_classes(self, z: Floats, told: Told) -> Floats:
         spread = np.einsum("kd,di,dj->kij", np.exp(2 * z[:, SCATTERS].clip(max=WIDEST)), DIRECTIONS[:4], DIRECTIONS[:4])
         error = np.moveaxis(told.error, 0, -1)[:, :, None] * np.exp(2 * z[:, ERRORS, None])
-        lumps, slower = (sd**2 * np.outer(d, d) for sd, d in ((LUMP_SD, DIRECTIONS[0]), (SLOWER_SD, DIRECTIONS[1])))
+        size, speed = (np.outer(d, d) for d in DIRECTIONS[:2])
+        lumps, slower = LUMP_SD**2 * size, np.exp(2 * z[:, HOW_SLOW][:, 1, None, None]) * speed
+        slow_mean = z[:, HOW_SLOW][:, 0, None] * DIRECTIONS[1][:, None, None]
         whole, broken, lump, slowed = (
             _root(np.moveaxis(spread + law, 0, -1)[..., None] + error)
             for law in (self.whole, self.broken, self.whole + lumps, self.whole + slower))
@@ -209,7 +215,7 @@ class Beliefs:
             stones = np.logaddexp(normal(off, whole) - np.logaddexp(0, breaks),
                                   normal(off - self.shift[m][:, None, None], broken) - np.logaddexp(0, -breaks))
             every = np.logaddexp(stones - np.logaddexp(0, slow),
-                                 normal(off - SLOWER * DIRECTIONS[1][:, None, None], slowed) - np.logaddexp(0, -slow))
+                                 normal(off - slow_mean, slowed) - np.logaddexp(0, -slow))
             every = np.logaddexp(every + np.log(1 - LUMPS), normal(off, lump) + np.log(LUMPS))
             share = np.where(unknown, -np.logaddexp(0, sign * p), np.log(np.where(told.known == m, KNOWN, 1 - KNOWN)))
             out[..., m] = every + share - np.logaddexp(0, others)

@@ -263,7 +263,7 @@ class TapFile(Table):
     taps: Annotated[tuple[TapTable, ...], Field(min_length=1), about("the taps")]
     prior: Prior = Prior()
     scale: Annotated[float, about("factor on the samples of accelerations")] = 1.0
-    unit: Annotated[str | None, about("unit of the scaled samples, where their names do not say it")] = None
+    unit: Annotated[str | None, about("unit of the scaled samples; absent: as their names say")] = None
 
 
 def read_taps(path: str | Path, plate: PlateModel) -> tuple[list[Tap], Prior]:

@@ -6,7 +6,7 @@ Impulses are those of each number of stones that is told, of gangue among them, 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -227,8 +227,9 @@ def volley(record: str, plate: str, stones: Sequence[int], radius_m: float, spee
            scale: float = 1.0, unit: str | None = None) -> VolleyResult:
     """Judge a record on a plate of `tap` by what is told of the stones: how many, or the fewest and the most; their
     radius; their speed, or the lowest and the highest. Raises RecordError, RecognitionError."""
-    counts, speeds_m_s = _between("stones", stones, COUNTS), _between("speed", speed_m_s, SPEEDS_m_s)
-    _between("radius", [radius_m], RADII_m)
+    counts, speeds_m_s = _between("stones", stones, COUNTS), _between("speed", speed_m_s, SPEEDS_m_s, " m/s")
+    if not RADII_m[0] <= radius_m <= RADII_m[1]:
+        raise RecognitionError(f"--radius {radius_m:g}: must be from {RADII_m[0]:g} to {RADII_m[1]:g} m")
     known = PlateModel.load(Path(plate))
     table, source = record_table(record, scale, unit)
     try:
@@ -246,20 +247,18 @@ def volley(record: str, plate: str, stones: Sequence[int], radius_m: float, spee
 
 def _others(found: Found) -> Iterator[tuple[str, Stones]]:
     """Stones a little different from those told."""
-    (fewest, most), radius_m, (low, high) = found.stones.counts, found.stones.radius_m, found.stones.speeds_m_s
-    for more in (-1, 1):
-        yield f"with one stone {'more' if more > 0 else 'fewer'}", Stones((fewest + more, most + more), radius_m,
-                                                                       (low, high))
-    for factor in (1 - WRONG_SPEED, 1 + WRONG_SPEED):
-        yield f"{WRONG_SPEED:.0%} {'faster' if factor > 1 else 'slower'}", Stones((fewest, most), radius_m,
-                                                                                  (low * factor, high * factor))
+    (fewest, most), (low, high) = found.stones.counts, found.stones.speeds_m_s
+    for more, word in ((-1, "fewer"), (1, "more")):
+        yield f"with one stone {word}", replace(found.stones, counts=(fewest + more, most + more))
+    for factor, word in ((1 - WRONG_SPEED, "slower"), (1 + WRONG_SPEED, "faster")):
+        yield f"{WRONG_SPEED:.0%} {word}", replace(found.stones, speeds_m_s=(low * factor, high * factor))
 
 
-def _between(name: str, values: Sequence[float], limits: tuple[float, float]) -> tuple[float, float]:
+def _between(name: str, values: Sequence[float], limits: tuple[float, float], unit: str = "") -> tuple[float, float]:
     """One value, or the lower and the higher of two."""
     low, high = values[0], values[-1]
     if len(values) > 2 or not limits[0] <= low <= high <= limits[1]:
         given = " ".join(f"{value:g}" for value in values)
-        raise RecognitionError(f"--{name} {given}: must be a number between {limits[0]:g} and {limits[1]:g}, "
-                               "or two such numbers, the lower first")
+        raise RecognitionError(f"--{name} {given}: must be a number from {limits[0]:g} to {limits[1]:g}{unit}, or two, "
+                               "the lower first")
     return low, high

@@ -56,6 +56,20 @@ def test_a_unit_after_an_underscore_is_that_of_the_times(tmp_path, time, per_s):
     assert read_record(tmp_path / "a.csv", column="acc", time=time).rate_Hz == pytest.approx(2000.0, rel=1e-12)
 
 
+@pytest.mark.parametrize("clock, separator, rate_Hz", [
+    ("2026-11-28T10:00:00.{}", ",", None), ("2026-11-28 10:00:00,{}", ";", None),
+    ("2026-11-28T10:00:00.{}Z", "\t", None), ("28.11.2026 10:00:00,{}", ";", 2000.0), ("10:00:00.{}", ",", 2000.0)])
+def test_dates_are_times_and_another_clock_needs_a_rate(tmp_path, clock, separator, rate_Hz):
+    rows = [(clock.format(f"{1e4 * t:04.0f}"), a) for t, a in zip(T_s, A, strict=True)]
+    (tmp_path / "a.csv").write_text(f"time{separator}acc [g]\n" + "".join(
+        f"{at}{separator}{european(a) if separator == ';' else a}\n" for at, a in rows))
+    record = read_record(tmp_path / "a.csv", rate_Hz=rate_Hz)
+    np.testing.assert_array_equal(record.values, A)
+    assert (record.rate_Hz, record.unit) == (pytest.approx(2000.0, rel=1e-9), "g")
+    with pytest.raises(RecordError, match="2026-11-28T10" if rate_Hz else "says 2000"):
+        read_record(tmp_path / "a.csv", rate_Hz=None if rate_Hz else 500.0)
+
+
 @pytest.mark.parametrize("text, values", [
     ("1,5\n2,5\n-0,5\n", None),  # two columns, or one? Nobody can tell
     ("Kraft\n1,5\n2,5\n-0,5\n", [1.5, 2.5, -0.5]),

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import Record, RecordError, as_record, read_record
+from analysis import RecordError, as_record, read_record
 from analysis.__main__ import main
 
 
@@ -33,10 +33,27 @@ def test_array_series_and_files_give_the_same_record(tmp_path):
     np.testing.assert_allclose(bare.values, values, atol=1e-15)
 
 
-@pytest.mark.parametrize("values", [[1.0], [[1.0, 2.0]], [1.0, np.nan, 2.0], [1.0, np.inf]])
+@pytest.mark.parametrize("name, unit", [("acc [g]", "g"), ("acc (m/s²)", "m/s^2"), ("acc_m_s2", "m/s^2"), ("acc", "1")])
+def test_a_series_has_the_units_behind_its_names(name, unit):
+    record = as_record(pd.Series([0.0, 2.0, 1.0], index=pd.Index([0.0, 0.5, 1.0], name="t [ms]"), name=name))
+    assert (record.unit, record.rate_Hz) == (unit, 2000.0)
+    with pytest.raises(RecordError, match="'Hz'"):
+        as_record(pd.Series([0.0, 2.0], index=pd.Index([0.0, 0.5], name="t [Hz]")))
+
+
+@pytest.mark.parametrize("scale, words", [(2.0, "unit of the scaled"), (0.0, "not 0"), (np.nan, "finite")])
+def test_a_scale_needs_a_unit(tmp_path, scale, words):
+    (tmp_path / "a.csv").write_text("t_s,acc [mV]\n0,1\n0.1,2\n0.2,3\n")
+    with pytest.raises(RecordError, match=words) as error:
+        read_record(tmp_path / "a.csv", scale=scale)
+    one_line(error)
+
+
+@pytest.mark.parametrize("values", [[1.0], [[1.0, 2.0]], [1.0, np.nan, 2.0], [1.0, np.inf], ["a", "b"], [1j, 2.0],
+                                    np.ma.array([1.0, 2.0], mask=[False, True])])
 def test_unusable_samples_are_refused(values):
     with pytest.raises(RecordError) as error:
-        Record(np.array(values), 100.0)
+        as_record(values, 100.0)
     one_line(error)
 
 
@@ -93,6 +110,8 @@ def test_command_line_prints_and_refuses(tmp_path, capsys):
     assert main(["features", str(tmp_path / "y.csv")]) == 2
     captured = capsys.readouterr()
     assert captured.out == "" and captured.err.count("\n") == 1
+    assert main(["features", str(tmp_path / "x.csv"), "--no-filter"]) == 2
+    assert capsys.readouterr().err == "--no-filter: goes with --resample\n"
 
 
 def test_wav_round_trip(tmp_path):
@@ -105,8 +124,9 @@ def test_wav_round_trip(tmp_path):
     np.testing.assert_allclose(two.values, -20 * x, atol=1e-5)
     assert (two.rate_Hz, two.unit) == (8000.0, "m/s^2")
     np.testing.assert_allclose(read_record(tmp_path / "pcm.wav").values, x, atol=1 / 32768)
-    with pytest.raises(RecordError, match="choose one of 0..1"):
-        read_record(tmp_path / "x.wav")
+    for asked, words in (({}, "choose one of 0..1"), ({"time": "t", "column": "0"}, "no column of times 't'")):
+        with pytest.raises(RecordError, match=words):
+            read_record(tmp_path / "x.wav", **asked)
 
 
 @pytest.mark.parametrize("binary", [0, 1])

@@ -45,6 +45,7 @@ def assert_hertz(out):
         assert info["peak_force_N"] == pytest.approx(peak * (speed / 3.0) ** 1.2, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_campaign_runs_what_is_missing_and_each_group_is_laid_out_as_a_sweep(tmp_path):
     """Whatever program, scene and directory are called, also in YAML, in the braces of Python and in the shell."""
     pytest.importorskip("snakemake")

@@ -12,6 +12,7 @@ from dem.run.run import run_scene
 SMALL = Path(__file__).resolve().parents[2] / "scenes" / "small.toml"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("contact", "subspheres"), [("sub_spheres", 40), ("smooth", 200)])
 def test_two_ranks_give_the_signals_of_one(tmp_path, contact, subspheres):
     signals, info = {}, {}

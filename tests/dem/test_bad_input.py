@@ -90,6 +90,7 @@ def test_another_liggghts_is_told_and_none_is_refused(tmp_path, capsys, monkeypa
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_the_command_itself_gives_exit_code_2(tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text(PAPER.replace("radius_m = 0.025", "radius_m = -1.0"))

@@ -148,6 +148,7 @@ def strike(directory, kernel="auto", ranks=1, tension=2e6, damping=0.05, steps=2
     return body, dt
 
 
+@pytest.mark.slow
 def test_two_ranks_give_what_one_gives(tmp_path):
     runs = []
     for ranks in (1, 2):

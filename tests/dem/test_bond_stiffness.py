@@ -134,6 +134,7 @@ def test_energies_of_the_elastic_sphere(nu):
     assert energy(np.eye(3) / np.sqrt(3)) == pytest.approx(dilatation, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_stone_rings_like_the_elastic_sphere_of_its_constants():
     """Mean of the ten lowest frequencies (five twisting, five oblate-prolate modes) of a stone of 500 sub-spheres
     against a homogeneous sphere with the E and nu that network_stiffness found from static loads. What is left is
@@ -154,6 +155,7 @@ def test_stone_rings_like_the_elastic_sphere_of_its_constants():
     assert found == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [
     lambda seed: pack_sphere(0.025, 500, seed), lambda seed: pack_box((0.04, 0.04, 0.04), 500, seed)],
     ids=["sphere", "box"])
@@ -192,6 +194,7 @@ def test_relaxed_box_is_below_the_bound_of_its_mean_strain():
         assert result.youngs_modulus_Pa[axis] * (1 - 2 * packing.radius_m.min()) > 0.8 * affine
 
 
+@pytest.mark.slow
 def test_cylinder_and_box_of_the_same_subspheres_agree():
     """The same material in two shapes, 2000 sub-spheres of the same size each: within the seeds' scatter of 2 %
     and 2 % for the different share of wall."""

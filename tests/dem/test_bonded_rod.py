@@ -10,6 +10,7 @@ AREA, INERTIA = np.pi * BOND_RADIUS**2, np.pi * BOND_RADIUS**4 / 4
 K_N = E * AREA / SPACING
 
 
+@pytest.mark.slow
 def test_cantilever_deflects_and_swings_like_timoshenkos_beam(tmp_path):
     """A load put on the tip at once: it swings about the static deflection with the first frequency, both within 1 %."""
     n, load = 30, 1e-4

@@ -71,6 +71,7 @@ def test_slow_compression_gives_the_elastic_constants_at_rest(tmp_path, volumetr
     assert nu == pytest.approx(at_rest.poisson_ratio[0], abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("specimen", [cylinder, disc])
 def test_load_at_failure_goes_with_the_strength_of_the_bonds(tmp_path, specimen):
     """Bonds are elastic until they break, so with twice the strength, strained twice as fast, all loads double.
@@ -84,6 +85,7 @@ def test_load_at_failure_goes_with_the_strength_of_the_bonds(tmp_path, specimen)
     assert records[1].strength_Pa == pytest.approx(2 * records[0].strength_Pa, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_failure_does_not_depend_on_the_speed_of_the_platens(tmp_path):
     specimen = disc()
     fast, slow = (strength_test(tmp_path / f"{k}", specimen, ROCK, strain).strength_Pa
@@ -91,6 +93,7 @@ def test_failure_does_not_depend_on_the_speed_of_the_platens(tmp_path):
     assert fast == pytest.approx(slow, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["Brazilian", "tension"])
 def test_a_test_ends_when_its_strength_is_known(tmp_path, kind):
     """Of a rock whose cracks take so much energy that a pulled specimen parts slowly: the strength is that of a test that
@@ -159,6 +162,7 @@ def test_a_strength_that_cannot_be_reached_is_named(deaf):
         fit_strengths(ROCK, target_of("coal"), FakeLaboratory(**laws), range(8))
 
 
+@pytest.mark.slow
 def test_confining_pressure_in_closed_form(tmp_path):
     """An elastic cylinder that is held at its ends and squeezed by p at its side pushes the platens by 2 nu p."""
     specimen = compression_specimen(0.025, 700, seed=11)
@@ -180,6 +184,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, material, sc
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_a_calibration_that_was_killed_can_be_repeated(tmp_path, capsys, monkeypatch):
     """Every test of a calibration leaves its directory, and none of them is taken for somebody else's."""
     def strength(directory, *_):

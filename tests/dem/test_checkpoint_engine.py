@@ -77,6 +77,7 @@ def split(directory, ranks, look=lambda: None):
         seen.append(look())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ranks, fracture", [(1, 0.0), (2, 0.0), (1, 0.6), (2, 0.6)])
 def test_a_split_run_is_the_undisturbed_one(tmp_path, ranks, fracture):
     whole, parts = tmp_path / "whole", tmp_path / "parts"
@@ -112,6 +113,7 @@ def bodies_away(checkpoint):
     return int(np.frombuffer(data, "<f8", 1, at + 8)[0])
 
 
+@pytest.mark.slow
 def test_a_run_with_bodies_in_the_air_is_split(tmp_path):
     """Fragments are away from the arrays at the checkpoint, and one of them comes back later."""
     steps = 16 * EVERY

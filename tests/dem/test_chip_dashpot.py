@@ -96,6 +96,7 @@ def axis_of(place, mass, moved):
     return now - turn @ middle
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_dashpot_stops_a_chip_pushed_beside_its_middle_in_one_step_at_most(tmp_path, number):
     deck, dt_s, place, rows = run_chip(tmp_path, number)

@@ -83,6 +83,7 @@ def test_inside_and_distance_to_the_surface_by_those_of_its_boxes(ell):
                           np.zeros(inside.sum(), dtype=bool))
 
 
+@pytest.mark.slow
 def test_the_outer_layer_lies_on_the_surface_of_an_L(ell):
     packing = packed(ell, 100, 1, None)
     gap = packing.wall_gap_m / packing.radius_m
@@ -96,6 +97,7 @@ def test_the_outer_layer_lies_on_the_surface_of_an_L(ell):
         assert nearest < 1.5 * packing.radius_m.mean()
 
 
+@pytest.mark.slow
 def test_stones_in_the_shape_of_an_L_fall(tmp_path, monkeypatch):
     """Mass, centre and inertia are those of the solid, and the energy closes."""
     monkeypatch.setattr("dem.stones.arrangement.PACKINGS", 1)
@@ -142,6 +144,7 @@ def test_what_bounds_no_solid_is_refused_in_one_line(tmp_path, point, triangle, 
     assert "\n" not in str(refused.value) and "mesh.stl" in str(refused.value)
 
 
+@pytest.mark.slow
 def test_parts_that_do_not_hold_together_are_refused(tmp_path):
     shape = written(tmp_path, *beside(ONE, (np.full(3, 3.0), np.full(3, 4.0))))
     scene = drawn(tmp_path, shape, 40)

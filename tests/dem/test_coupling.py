@@ -166,6 +166,7 @@ def test_ten_elastic_spheres_at_once(ten_spheres):
         assert error < 1e-3, f"{name}: {error:.2e}"
 
 
+@pytest.mark.slow
 def test_the_scheme_is_of_second_order_in_the_co_step(runs):
     """Error of the plate's velocity against the smallest co-step: slope 2 in the co-step. So for the work that the
     contacts do on the wall, which goes where the plate is predicted, against that of the modal forces on the plate."""
@@ -198,6 +199,7 @@ def with_weak_contact(monkeypatch, numbers):
     monkeypatch.setattr(dem.deck.render, "render", changed_deck)
 
 
+@pytest.mark.slow
 def test_a_stone_that_another_strikes_just_above_the_plate_is_felt(tmp_path, monkeypatch):
     """Messages are rare, as they are where chips lie, which the large stone does here. The lower of two small stones comes
     40 um above the plate at a hundredth of the speed of the upper one, which gives it its own: whenever between two
@@ -221,6 +223,7 @@ def test_a_stone_that_another_strikes_just_above_the_plate_is_felt(tmp_path, mon
     assert found == pytest.approx([expected] * 4, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_stone_that_comes_out_of_free_flight_finds_messages_frequent(tmp_path, monkeypatch):
     """They are rare while a stone pushes weakly. Whenever between two of them another one strikes, work given is work
     taken."""
@@ -238,6 +241,7 @@ def test_a_stone_that_comes_out_of_free_flight_finds_messages_frequent(tmp_path,
         assert energy["given_to_plate_J"] == pytest.approx(energy["plate_work_J"], rel=3e-3)
 
 
+@pytest.mark.slow
 def test_the_co_step_of_a_bonded_stone_is_short_enough(runs):
     """A stone that does not break, at the default co-step and at every step: a tenth of the 1 % that a default may be
     off in force, plate velocity and energy."""
@@ -256,6 +260,7 @@ def test_the_co_step_of_a_bonded_stone_is_short_enough(runs):
         assert error < 1e-3, f"{name}: {error:.1e}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case, changes", [
     ("a stone laid on the plate", {"time.duration_s": 0.02, "stones.speed_m_s": 0.0, "stones.gap_m": 1e-7}),
     ("a heavy sphere on a thin plate", {"time.duration_s": 0.008, "stones.speed_m_s": 0.5, "plate.thickness_m": 0.002,
@@ -278,6 +283,7 @@ def test_lasting_contact_stays_stable(runs, case, changes):
         assert abs(summary["energy"]["closure"]) < 1e-2
 
 
+@pytest.mark.slow
 def test_chips_need_the_plate_seldom(runs, monkeypatch):
     """While chips hop, after the impact, one message serves several co-steps: fewer messages, and the same motion, as with
     one a co-step."""
@@ -307,6 +313,7 @@ def test_chips_need_the_plate_seldom(runs, monkeypatch):
         assert np.linalg.norm(seldom - often) < 1e-3 * np.linalg.norm(often), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thickness_m", [0.001, 0.002])
 def test_a_plate_that_gives_way_by_millimetres_keeps_energy_and_momentum(runs, thickness_m):
     """It comes to reach beyond the sub-spheres that were listed, in the middle of a contact: nothing of the work and of the
@@ -347,6 +354,7 @@ def shipped_participant(tmp_path, thinks_s=0.0, plate_process=""):
     return prepared, engine
 
 
+@pytest.mark.slow
 def test_the_shipped_participant_moves_as_the_plate_does(tmp_path):
     """The same pushes on the stones."""
     prepared, engine = shipped_participant(tmp_path)

@@ -108,6 +108,7 @@ def test_a_wrong_plan_is_refused_in_one_line(tmp_path, old, new, words):
     assert "\n" not in str(refused.value) and all(word in str(refused.value) for word in words)
 
 
+@pytest.mark.slow
 def test_a_build_goes_on_where_it_was_stopped(tmp_path, capsys):
     rigid = (SCENES / "hertz_coal.toml").read_text()
     single = (SCENES.parent / "tests" / "single.toml").read_text()
@@ -175,6 +176,7 @@ def test_a_group_of_streams_is_one_stream(tmp_path):
     assert [run.scene for run in fewer] == [run.scene for run in runs[:2]]
 
 
+@pytest.mark.slow
 def test_streams_are_built_once_and_know_what_fell(tmp_path, capsys):
     file = plan(tmp_path, STREAMS.replace("GROUPS", "1"))
     show_messages()

@@ -85,6 +85,7 @@ def test_a_swollen_body_has_one_stress_in_all_bonds():
     assert np.abs(theta @ motion.ravel()).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_nu_rises_and_the_shear_modulus_stays():
     """The term feels the volume alone, up to the disorder of the packing: G is that of the network without it."""
     packing = pack_sphere(1.0, 500, seed=20011)
@@ -138,6 +139,7 @@ def test_packed_kernels_agree_with_the_naive_twin(tmp_path, kernel):
     assert np.abs(results[0][0] - results[1][0]).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_two_ranks_give_what_one_gives(tmp_path):
     runs = []
     for ranks in (1, 2):

@@ -83,6 +83,11 @@ def test_a_stream_has_its_rate_and_its_mass():
     assert gangue_ratio(scene, stones, mass) == pytest.approx(0.3, abs=mass.max() / mass.sum())
 
 
+def test_a_drop_height_needs_gravity():
+    with pytest.raises(InputError, match="drop_height_m.*time.gravity_m_s2"):
+        scene_of(table={"size_m": 0.02, "drop_height_m": 0.5}, **{"stones.count": 5, "time.gravity_m_s2": 0.0})
+
+
 def test_a_drop_height_is_a_speed():
     scene = scene_of(table={"size_m": 0.02, "drop_height_m": 0.5}, **{"stones.count": 5})
     assert stones_of(scene, "scene")[0].velocity_m_s == pytest.approx((0, 0, -np.sqrt(2 * 9.8 * 0.5)))
@@ -102,6 +107,7 @@ def each_scene():
     return scene_of(way="each", table=EACH, **{"materials.shale": shale, "time.duration_s": 3e-3}, **contacts)
 
 
+@pytest.mark.slow
 def test_stones_one_by_one_are_as_they_were_given(tmp_path):
     """Mass, size, velocity, kinetic energy and momentum at the start, and three materials in one run whose ledger
     closes."""
@@ -124,6 +130,7 @@ def test_stones_one_by_one_are_as_they_were_given(tmp_path):
     assert summary["materials"] == ["coal", "gangue", "shale"] and summary["gangue_ratio"] == pytest.approx(1 / 3)
 
 
+@pytest.mark.slow
 def test_the_volley_of_the_paper_said_stone_by_stone_is_the_same_deck(tmp_path):
     """To the last byte of every file that the engine reads, so that the results are the same."""
     coarse = {"stones.agglomerate.subspheres": 40, "stones.agglomerate.contact": "sub_spheres", "stones.seed": 20011,

@@ -67,6 +67,7 @@ def test_energy_closes_and_impulse_is_momentum(default_run):
     assert summary["energy"]["given_to_plate_J"] > 0.01 * summary["energy"]["impact_J"]
 
 
+@pytest.mark.slow
 def test_a_sensor_of_each_kind_measures_its_own_motion(runs):
     """Velocity and displacement are the integrals of what an accelerometer at the same place measures."""
     sensors = [{"name": kind, "place_m": [0.0, 0.17], "kind": kind} for kind in ("displacement", "acceleration", "velocity")]

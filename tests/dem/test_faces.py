@@ -98,6 +98,7 @@ def test_a_face_that_is_not_parallel_presses_with_its_sub_spheres(tmp_path, cube
     assert runs[0]["peak_force_N"] == runs[1]["peak_force_N"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_s", [0.0, 2e-4, -2e-4])
 def test_a_face_that_turns_into_place_in_free_flight_strikes_as_by_brute_force(tmp_path, cube_file, late_s):
     """A cube turns as it falls, and lies parallel to the plate about when its face arrives: it comes back from its flight
@@ -118,6 +119,7 @@ def test_a_face_that_turns_into_place_in_free_flight_strikes_as_by_brute_force(t
         assert found["free"][what] == pytest.approx(found["brute"][what], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_body_comes_back_before_the_co_step_in_which_it_touches(tmp_path, cube_file):
     """In whichever of the nine co-steps between two looks that is: else the plate has not been asked where it is."""
     plate = read_scene(SCENES / "caving.toml").plate.model_dump(mode="json", exclude_none=True)
@@ -143,6 +145,7 @@ def test_energy_of_cubes_that_slide_break_and_are_damped(tmp_path, cube_file):
     assert abs(energy["contacts_unexplained_J"]) < 3e-4 * energy["impact_J"]
 
 
+@pytest.mark.slow
 def test_a_cube_that_lies_on_the_plate_bears_its_weight(tmp_path, cube_file):
     """Set down softly it stays on its face: the mean force is its weight, and it sinks by less than its sub-spheres would."""
     scene = cube(cube_file, restitution=0.3, friction=0.4, speed_m_s=0.01,
@@ -167,6 +170,7 @@ def test_a_run_that_was_stopped_goes_on_bit_by_bit(runs, cube_file):
     assert len(pd.read_parquet(runs / "whole" / "breakage.parquet")) > 10
 
 
+@pytest.mark.slow
 def test_two_ranks_and_a_stone_that_comes_late_find_the_same_contact(tmp_path, cube_file):
     found = []
     for name, ranks, arrival_s in (("one", 1, 0.0), ("two", 2, 0.0), ("late", 1, 3e-3)):

@@ -49,6 +49,7 @@ def one_line(capsys):
     return lines[0]
 
 
+@pytest.mark.slow
 def test_a_full_disk_ends_the_run_in_one_line_and_room_lets_it_go_on(scene, tmp_path, capsys):
     with disk(tmp_path / "small", "size=700k") as small:
         earlier = small / "earlier"
@@ -83,6 +84,7 @@ def test_an_output_that_cannot_be_written_is_refused_in_one_line(scene, tmp_path
         assert str(directory) in line and "Read-only" in line
 
 
+@pytest.mark.slow
 def test_too_little_memory_ends_the_run_in_one_line(scene, tmp_path):
     """The limit is set when the modules are loaded: 10 MB are enough to begin with, not to pack a stone."""
     program = ("import resource, sys; import dem.run.run; from dem.__main__ import main\n"
@@ -105,6 +107,7 @@ def test_a_run_json_that_cannot_be_read_is_named(scene, tmp_path, capsys, text, 
     assert words in line and "run.json" in line
 
 
+@pytest.mark.slow
 def test_modes_on_disk_that_are_cut_off_or_foreign_are_found_anew(tmp_path):
     from common.files.cache import entry_file
     from common.scene.plate import read_plate

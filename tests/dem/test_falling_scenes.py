@@ -21,6 +21,7 @@ SMALL = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(SMALL))
 def test_a_shipped_scene_runs_at_small_size(tmp_path, name):
     scene = changed_scene(SCENES / f"{name}.toml", COARSE | SMALL[name])
@@ -37,6 +38,7 @@ def test_a_shipped_scene_runs_at_small_size(tmp_path, name):
     assert np.all(late.abs() < 2e-3)  # coarse packings reach the plate later than their sphere
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping_ratio", [0.0, 0.9])
 def test_a_stream_pushes_the_plate_as_much_as_it_pushes_its_rods(tmp_path, damping_ratio):
     """Forty stones, more than have residual modes of their own, on a plate of few modes."""
@@ -92,6 +94,7 @@ def test_a_plate_that_next_to_nothing_holds_takes_the_whole_impulse(tmp_path, ro
     assert abs(run["energy"]["closure"]) < 1e-4 and run["impulse_N_s"] > 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sample_s, missing", [(1.5e-4, (0.01, 0.03)), (5e-5, (1e-5, 1e-3))])
 def test_the_rods_push_of_a_tiny_stone_needs_more_rows_and_says_so(tmp_path, sample_s, missing):
     """Its contact lasts two rows of 5 us."""

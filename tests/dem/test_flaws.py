@@ -54,6 +54,7 @@ def bonds_of(count, **changes):
     return middle, one.bond_strength_factor, one
 
 
+@pytest.mark.slow
 def test_the_field_is_of_place_and_seed_whatever_the_packing():
     """In stones of 200 and 600 sub-spheres bonds near each other have nearly one factor; those of another seed do not."""
     coarse, fine = (bonds_of(count) for count in (200, 600))

@@ -10,7 +10,6 @@ from scenes_of_tests import changed
 from analysis import RecordError, as_record, read_run
 from analysis.signals.resampling import resample
 from analysis.theory.real_plate import modes_of
-from common.files.cache import user_cache
 from dem.run.run import run_scene
 from recognition.estimation.window import channels_of
 from recognition.physics.arrangement_method import DURATION_S, ArrangementLikelihood
@@ -54,11 +53,10 @@ def test_samples_of_a_run_pass_the_filter_that_its_scene_says(directory, runs, a
     assert left[0] < 0.01 and left[1:3].max() < 0.1 and left[3:].max() < 0.02
 
 
-def test_the_modes_of_a_run_come_from_the_cache_that_its_simulation_filled(directory):
+def test_the_modes_of_a_run_come_from_the_cache_that_its_simulation_filled(directory, monkeypatch):
+    monkeypatch.setattr("plate_fem.solution.model.build_model", None)  # which finding them would call
     run = read_run(directory)
-    before = {file: file.stat().st_size for file in user_cache().rglob("*") if file.is_file()}
     assert modes_of(run).frequency_Hz.size == run.summary.n_modes
-    assert {file: file.stat().st_size for file in user_cache().rglob("*") if file.is_file()} == before
 
 
 def test_runs_without_a_force_record(directory, tmp_path):

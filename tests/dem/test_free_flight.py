@@ -263,6 +263,7 @@ def test_sub_spheres_that_get_lost_are_an_error(tmp_path):
         run_engine(tmp_path, text.replace("boundary m m m", "boundary f f f"))
 
 
+@pytest.mark.slow
 def test_plate_signals_are_those_of_brute_force(runs):
     """An elastic sphere leaves the plate and comes back while the plate is not asked: the same record."""
     tables = []

@@ -43,6 +43,7 @@ def test_the_step_of_damped_bonds_is_short_enough(tmp_path, monkeypatch, damping
         run_scene(scene, "single.toml", tmp_path / "long")
 
 
+@pytest.mark.slow
 def test_a_co_step_that_plate_and_contact_do_not_bear(tmp_path, monkeypatch):
     """The heavy sphere on the thin plate of test_coupling, ten times beyond the limit of its dashpot."""
     monkeypatch.setattr(dem.deck.time_step, "DASHPOT_SHARE", 1.5)
@@ -56,6 +57,7 @@ def test_a_co_step_that_plate_and_contact_do_not_bear(tmp_path, monkeypatch):
         run_scene(scene, "elastic_plate.toml", tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_what_tangential_springs_gain_is_not_taken_for_an_error(tmp_path):
     """With strong friction and no dashpot, springs whose stiffness rises with the normal force gain over 1 % of the energy
     for a while. The ledger counts that, and closes."""

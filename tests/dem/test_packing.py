@@ -72,6 +72,7 @@ def test_near_pairs_are_those_of_brute_force(stone):
         assert np.array_equal(near_pairs(stone.center_m, stone.radius_m, tolerance), np.column_stack([i, j])[near])
 
 
+@pytest.mark.slow
 def test_far_from_the_wall_it_is_random_close_packing():
     """Random close packing has 0.64 for equal spheres and up to 0.01 more for this spread of sizes; sub-spheres of
     a jammed frictionless packing have six contacts, less what the few rattlers lack (O'Hern et al. 2003)."""

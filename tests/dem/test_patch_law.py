@@ -83,6 +83,7 @@ def push_N(q, modulus, compliance, strength=None):
     return 0.0 if q <= 0 else push(brentq(lambda d: d - compliance * push(d) - q, q, 2 * q, xtol=1e-18))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("strength_Pa", "spin"), [(None, 0.0), (STRENGTH_Pa, 0.0), (None, 60.0)],
                          ids=["elastic", "crushes", "turned"])
 def test_the_patch_pushes_by_how_far_its_members_came(tmp_path, strength_Pa, spin):
@@ -112,6 +113,7 @@ def test_the_patch_pushes_by_how_far_its_members_came(tmp_path, strength_Pa, spi
     assert found == pytest.approx(expected, abs=(5e-3 if spin else 1e-6) * max(expected))
 
 
+@pytest.mark.slow
 def test_the_patch_drags_by_how_far_it_slid_since_it_came(tmp_path):
     """It sticks. The way of its members over the plate, from the dumped places, stretches the spring in series with their
     bonds, which LIGGGHTS moves: 1/k = 1/(4 G*/E* 2 E* a) - C. While k rises the spring keeps its force."""
@@ -143,6 +145,7 @@ def test_the_patch_drags_by_how_far_it_slid_since_it_came(tmp_path):
     assert found == pytest.approx(np.array(expected), abs=5e-3 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_a_stone_with_a_heavy_side_is_pushed_along_the_axis_of_its_surface(tmp_path):
     """It spins about the vertical through its mass, beside the centre of its surface, where the plate's push has no
     moment: bonds add none, patch and dashpot act on the contact's axis."""

@@ -285,6 +285,7 @@ class StoppedRun:
                 self.noticed_s = waited_s
 
 
+@pytest.mark.slow
 def test_a_side_that_is_stopped_ends_the_run_within_seconds(tmp_path):
     """SIGSTOP: the process lives, its pipes are open, and it says nothing. The other one sees that it uses no time.
     Both sides are tried at once, since all this is waiting."""

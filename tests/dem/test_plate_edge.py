@@ -32,6 +32,7 @@ def unexplained(c):
     return -c["wall_work_J"] - c["wall_elastic_J"] - c["wall_damped_J"] - c["friction_J"] + c["springs_gained_J"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside_m", [1e-4, 1.5e-3, 2.5e-3])
 def test_an_elastic_sphere_is_reflected_by_the_edge(tmp_path, beside_m):
     """The normal goes from the edge to the centre: a sphere that falls beside it turns its velocity about that normal.
@@ -43,6 +44,7 @@ def test_an_elastic_sphere_is_reflected_by_the_edge(tmp_path, beside_m):
     assert c["kinetic_J"][-1] == pytest.approx(1, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half_m", [(HALF_m, 0.4 * HALF_m), (0.4 * HALF_m, HALF_m)])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_plate_that_is_not_square_has_its_own_edges(tmp_path, half_m, axis):

@@ -108,6 +108,7 @@ def five_rocks(kind, **more):
     return changed("small", {f"stones.{key}": None for key in volley} | {"stones.each": FIVE} | rocks | more)
 
 
+@pytest.mark.slow
 def test_stones_with_tables_of_their_own_count_by_their_kind_and_need_no_contacts_of_their_own():
     scene = five_rocks("gangue")
     stones = stones_of(scene, "scene")

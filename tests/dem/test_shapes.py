@@ -115,6 +115,7 @@ def test_a_surface_that_is_not_closed_is_refused(tmp_path):
         solid_of(str(file), 7)
 
 
+@pytest.mark.slow
 def test_polyhedra_fall_and_the_ledger_closes(tmp_path):
     summary = run_scene(drawn(tmp_path, {"extent_ratios": [0.8, 0.7]}, **{"plate.tilt_deg": 10.0}), "scene",
                         tmp_path / "run")

@@ -37,6 +37,7 @@ def stone(subspheres=500, material="coal", speed_m_s=3.0, restitution=1.0, frict
         **{f"contacts.{pair}": contact for pair in PAIRS}, **changes})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("subspheres", "material", "speed_m_s", "within"), [
     (200, "coal", 3.0, 0.01), (500, "gangue", 3.0, 0.01), (500, "coal", 10.0, 0.02),
     (1000, "coal", 1.0, 0.01)])
@@ -50,6 +51,7 @@ def test_an_unbreakable_stone_pushes_as_the_elastic_sphere(tmp_path, subspheres,
     assert found["energy"]["friction_J"] == 0
 
 
+@pytest.mark.slow
 def test_two_packings_push_alike(tmp_path):
     """What lies lowest in a packing does not count any more."""
     peaks = [run_scene(stone(**{"stones.seed": seed}), "scene", tmp_path / f"{seed}")["peak_force_N"] for seed in (1, 2, 3)]
@@ -90,6 +92,7 @@ def test_a_dashpot_that_may_pull_needs_less_damping():
     assert damping_ratio(0.999) == pytest.approx(elastic_damping_ratio(0.999), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_on_a_plate_that_bends_it_is_the_elastic_sphere(runs):
     """The same plate under one unbonded sphere, which LIGGGHTS' own Hertz contact carries."""
     flexible = changed("single", {}).plate.model_copy(update={"max_frequency_Hz": 8000.0}).model_dump(mode="json")
@@ -127,6 +130,7 @@ def test_a_stone_that_crushes_pushes_less_and_takes_the_energy(tmp_path):
     assert found["energy"]["plastic_J"] == pytest.approx((1 - 0.547**2) * found["energy"]["impact_J"], rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sample_s", [1e-5, 1.3e-5, 2e-5])
 def test_a_run_that_was_stopped_in_the_contact_goes_on_bit_by_bit(runs, sample_s):
     """Asked to stop at once, it does so at its first checkpoint, five samples in, while bonds under the patch break."""
@@ -142,6 +146,7 @@ def test_a_run_that_was_stopped_in_the_contact_goes_on_bit_by_bit(runs, sample_s
         pd.testing.assert_frame_equal(one, other, check_exact=True)
 
 
+@pytest.mark.slow
 def test_a_new_list_of_what_is_near_forgets_no_contact(tmp_path):
     """A stone comes in over the edge of the plate, which it touches with single sub-spheres, while the list is made anew
     at every step. They must be free before a patch takes them, or the energy of their contacts is lost."""
@@ -248,6 +253,7 @@ def test_weights_of_a_patch_are_centred_and_of_the_surface():
     assert is_surface(packing)[held].all() and (packing.center_m[held] @ axis > 0).all()
 
 
+@pytest.mark.slow
 def test_compliance_of_a_patch_is_that_of_a_stiffer_network_times_its_modulus():
     """And near the half-space under the same pressure, (0.659/b - 0.36/R)/E* by the trial that found the law."""
     packing = pack_sphere(RADIUS_m, 1000, seed=7)
@@ -275,6 +281,7 @@ def test_too_few_sub_spheres_are_refused(tmp_path):
     assert not isinstance(refused.value, Refused) and not (tmp_path / "run").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("case", "until_s", "within"), [
     ("whole", 2e-4, 1e-10), ("snaps", 1e-4, 1e-10), ("softens", 5e-5, 1e-6)])
 def test_two_ranks_find_the_same_contact(tmp_path, case, until_s, within):

@@ -40,6 +40,7 @@ def left_over(rows):
     return np.abs(parts["contacts_unexplained_J"].sum(axis=1)).max() / rows.column["kinetic_J"][0].sum()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["coal_coal_25_25_6_200", "gangue_coal_25_25_0.5_200", "coal_gangue_50_12.5_2_200"])
 def test_stones_push_each_other_as_elastic_spheres_however_they_are_turned(name):
     found = meet(Meeting.of(name), 3)
@@ -47,6 +48,7 @@ def test_stones_push_each_other_as_elastic_spheres_however_they_are_turned(name)
     assert found["rebound"] > 0.995 and found["sideways"] < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("restitution", [0.5, 0.2])
 def test_restitution_is_that_of_whole_stones(restitution):
     assert meet(COAL, 5, **of_all(restitution))["rebound"] == pytest.approx(restitution, rel=0.02)
@@ -101,6 +103,7 @@ def spin_of(rows, radius):
     return np.linalg.solve(inertia + own.sum() * np.eye(3), moment_of(rows, radius))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_an_oblique_meeting_is_that_of_rigid_spheres_with_mindlins_spring(tmp_path, friction):
     _, prepared = ran(tmp_path, COAL, 2, 0.4, **of_all(friction=friction))
@@ -115,6 +118,7 @@ def test_an_oblique_meeting_is_that_of_rigid_spheres_with_mindlins_spring(tmp_pa
     assert after == pytest.approx(before, abs=5e-4 * np.linalg.norm(before))
 
 
+@pytest.mark.slow
 def test_a_stone_that_spins_without_friction_keeps_its_spin(tmp_path):
     """At 200 rad/s its surface passes the other's five times as fast as it comes, and the patch goes round with it."""
     prepared = write_meeting(tmp_path, scene_of(COAL, 3), 2.0, 2 * R_m, 0.0)
@@ -138,6 +142,7 @@ def test_a_stone_that_spins_without_friction_keeps_its_spin(tmp_path):
     assert np.abs(spin_of(last[~upper], radius[~upper])).max() < 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed_m_s", [pytest.param(6, marks=pytest.mark.validate), 12])
 def test_stones_that_break_each_other_keep_the_energy_and_do_not_pass(tmp_path, speed_m_s):
     meeting = Meeting.of(f"coal_coal_25_25_{speed_m_s}_500")
@@ -171,6 +176,7 @@ def chain_N(scene, mass_kg, speed, clear_m):
     return np.max([forces(y) for y in run.y.T], axis=0)
 
 
+@pytest.mark.slow
 def test_a_stone_that_lands_on_a_lying_one_is_a_chain_of_hertz_contacts(tmp_path):
     meeting = Meeting.of("coal_coal_25_25_2_500")
     prepared = write_meeting(tmp_path, scene_of(meeting, 6, **{"time.duration_s": 6e-4}), 2.0, 2 * R_m, 0.0)
@@ -208,6 +214,7 @@ def flown(directory, aside, tolerance):
     return velocities(directory / "deck", prepared), np.array(rows, dtype=int)[:, 1]
 
 
+@pytest.mark.slow
 def test_stones_in_free_flight_meet_as_by_brute_force(tmp_path):
     expected, _ = flown(tmp_path / "brute", 0.4, 0.0)
     found, _ = flown(tmp_path / "free", 0.4, 1e-4)
@@ -252,6 +259,7 @@ def halves_flown(directory, tolerance, onto_plate, flat_first):
     return np.average(last[:, 3:7], axis=0, weights=last[:, 7]), np.array(in_arrays, dtype=int)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("onto_plate", "flat_first"), [(False, True), (True, True), (True, False)])
 def test_a_fragment_flies_where_only_the_rest_of_its_stone_would_touch(tmp_path, onto_plate, flat_first):
     """Above another fragment or the plate, into which its whole stone would reach. It strikes as by brute force."""
@@ -263,6 +271,7 @@ def test_a_fragment_flies_where_only_the_rest_of_its_stone_would_touch(tmp_path,
     assert (in_arrays == 0).mean() > 0.3
 
 
+@pytest.mark.slow
 def test_two_ranks_find_the_same(tmp_path):
     found = []
     for ranks in (1, 2):
@@ -273,6 +282,7 @@ def test_two_ranks_find_the_same(tmp_path):
     assert found[1] == pytest.approx(found[0], rel=1e-9, abs=1e-11)
 
 
+@pytest.mark.slow
 def test_a_run_stopped_in_the_contact_goes_on_bit_by_bit(tmp_path):
     """At each of its checkpoints, while bonds break under the patches."""
     meeting = Meeting.of("coal_coal_25_25_8_200")

@@ -67,6 +67,7 @@ def pushes_of(directory, stone):
     return pushes.step[own], pushes.mean_N[own], pushes.largest_N[own]
 
 
+@pytest.mark.slow
 def test_a_stone_of_a_stream_pushes_as_alone_and_as_at_the_start(tmp_path):
     """The same stone at three times, once while another one bounces: the same pushes, shifted in time."""
     sample_s, at = 1.5e-4, {"place_m": [0.1, 0.0], "velocity_m_s": SPEED}
@@ -166,6 +167,7 @@ def test_the_fast_stream_of_a_long_run_is_kept_in_bounds(interval_s):
 STREAMS = ("ledger.bin", "forces.bin", "contacts.bin", "events.csv", "left.csv")
 
 
+@pytest.mark.slow
 def test_a_stream_that_is_taken_up_ten_times_is_the_undisturbed_one(left, tmp_path):
     """Before the second stone enters, while it flies, and when the first has left, too."""
     model, whole = left
@@ -238,6 +240,7 @@ def test_a_stream_without_bodies_in_free_flight_is_refused(key, value):
         prepare(scene, "scene", None)
 
 
+@pytest.mark.slow
 def test_more_sub_spheres_come_in_than_liggghts_makes_room_for_at_once(tmp_path):
     """Its list of equal tags grows by a thousand, and is cleared at its new length before it is made longer."""
     each = [{"place_m": [0.05 * (k % 4) - 0.1, 0.05 * (k // 4) - 0.1], "velocity_m_s": SPEED,

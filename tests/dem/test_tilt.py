@@ -57,6 +57,7 @@ def test_a_tilt_is_the_same_as_a_turned_frame():
     assert stones_of(scene, "scene")[0].velocity_m_s == pytest.approx((1.5, 0.0, -1.5 * np.sqrt(3)))
 
 
+@pytest.mark.slow
 def test_bonded_stones_bounce_down_a_tilted_plate(tmp_path):
     """In free flight and in the arrays: the ledger closes, and what leaves the plate moves towards +x."""
     changes = {"plate": {"size_m": [0.5, 0.5], "density_kg_m3": 7830.0,

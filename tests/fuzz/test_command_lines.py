@@ -69,6 +69,7 @@ def check(line):
         shutil.rmtree(here)
 
 
+@pytest.mark.slow
 def test_some_command_lines():
     fuzz(check, command_lines(), 60)
 

@@ -193,6 +193,7 @@ def tap_cases(record):
     return st.tuples(records(record), st.just(TAPS)) | st.tuples(st.none(), mutated(TAPS))
 
 
+@pytest.mark.slow
 def test_the_taps_are_good(record):
     check_tapped((None, TAPS), record)
 

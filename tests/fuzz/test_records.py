@@ -147,6 +147,7 @@ def test_a_reader_that_crashes_ends_with_one_line(tmp_path, monkeypatch):
     assert code == 2 and errors.count("\n") == 1 and "crashes" in errors
 
 
+@pytest.mark.slow
 def test_some_files():
     fuzz(check, files(), 40)
     fuzz(check_parquet, tables(), 10)

@@ -53,6 +53,7 @@ def rate(values, exact, sizes):
     return np.log(errors[:-1] / errors[1:]) / np.log(np.array(sizes[:-1]) / np.array(sizes[1:]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("theory", "thickness_m", "lowest", "highest"),
     [("kirchhoff", 0.02, 3.95, 4.05), ("mindlin", 5e-4, 3.95, 4.05), ("mindlin", 0.02, 3.95, 4.05)],

@@ -46,6 +46,7 @@ def test_stretched_and_turned_plate_moves_turns_and_is_stressed_as_its_field_say
     assert stress == pytest.approx(np.broadcast_to(expected, stress.shape), abs=1e-6 * expected[0])
 
 
+@pytest.mark.slow
 def test_a_thick_plate_has_the_modes_of_its_stretch_beside_those_of_bending(monkeypatch):
     """As many below 9 kHz as the square alone, which the mass of rods lowers a little. Low modes of bending stay."""
     found, half_m = plate_modes(plate(**THICK)), 0.03

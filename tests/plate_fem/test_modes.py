@@ -133,6 +133,7 @@ def test_hash_follows_what_matters():
     assert table_hash(TABLE) != table_hash(TABLE, [[0.0, 0.0]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rods", [[rod(0.15, 0.1, diameter_m=0.06)], []], ids=["rod", "free"])
 def test_lanczos_finds_what_the_dense_solution_does(rods, monkeypatch):
     """Of a free plate also its motions as a rigid body, and pairs of equal frequencies."""

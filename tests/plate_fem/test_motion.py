@@ -4,9 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from plates import plate
 from scipy.integrate import solve_ivp
 
-from plate_fem.motion import ModalMotion
+from dem.deck.plausible import deflection_warnings
+from plate_fem.modes import plate_modes
+from plate_fem.motion import ModalMotion, RecordedMotion
 
 FREQUENCY_Hz = np.array([0.0, 0.0, 3.0, 180.0, 181.0, 2345.0, 19900.0])
 
@@ -47,6 +50,7 @@ def test_agrees_with_dop853(damping, interval_s):
     assert motion.damped_J == pytest.approx(damped, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [100_000, pytest.param(1_000_000, marks=pytest.mark.validate)])
 def test_free_steps_keep_the_energy_of_every_mode(steps):
     motion = motion_of(0.0, 5e-6, FREQUENCY_Hz[2:])
@@ -132,3 +136,20 @@ def test_a_moving_rigid_body_mode_has_no_bound():
     motion = ModalMotion(modes, 1e-5)
     assert motion.reach_m(np.array([1e-3]), np.zeros(1)) == pytest.approx(1e-3)
     assert motion.reach_m(np.zeros(1), np.array([1e-9])) >= 1e9
+
+
+def test_a_deflection_beyond_linear_theory_is_warned_of():
+    """By half of the thickness: of a simply supported plate in its first mode, 2/sqrt(m) sin sin with four nodes about
+    the middle, a seventh of the side apart; of a free one from its mean plane, wherever that is."""
+    for edges, number in (("simply_supported", 0), ("free", 3)):
+        table = plate(edges=edges, max_frequency_Hz=600.0)
+        modes = plate_modes(table)
+        amplitude = np.zeros((300, len(modes.frequency_Hz)), np.float32)
+        amplitude[:, :number] = 10.0  # rigid
+        peak = 2 / np.sqrt(modes.mass_kg) * np.cos(np.pi / 14)**2
+        if edges == "free":
+            peak = abs(modes.shape[:, number]).max()
+        for share in (0.49, 0.51):
+            amplitude[200, number] = share * table.thickness_m / peak
+            lines = deflection_warnings(table, RecordedMotion(modes, np.arange(300.0), *3 * [amplitude]))
+            assert [f"deflects by {share:g} of it" in line for line in lines] == [True] * (share > 0.5)

@@ -42,6 +42,7 @@ def bending_Hz(modes):
     return modes.frequency_Hz[kept]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
 def test_plate_and_rib_bend_about_their_common_axis(theory):
     plate = strip({"x": [ALONG]}, theory=theory)
@@ -52,6 +53,7 @@ def test_plate_and_rib_bend_about_their_common_axis(theory):
     assert found > 1.5 * beam_Hz(sections[:1])  # of the plate alone
 
 
+@pytest.mark.slow
 def test_mass_and_centre_hold_the_ribs():
     modes = plate_modes(strip({"x": [(0.02, *RIB_m)], "y": [[-0.2, 0.01, 0.01]]}))
     volume = LENGTH_m * WIDTH_m * THICKNESS_m + LENGTH_m * np.prod(RIB_m) + WIDTH_m * 1e-4
@@ -62,6 +64,7 @@ def test_mass_and_centre_hold_the_ribs():
     assert heave == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_ribs_that_are_no_mirror_images_give_the_same_as_ribs_that_are():
     """The four blocks of even and odd unknowns, beside one block."""
     twins, moved = (((0.016, *RIB_m), (y, *RIB_m)) for y in (-0.016, -0.016 * (1 + 1e-6)))

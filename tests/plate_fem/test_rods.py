@@ -81,6 +81,7 @@ def test_a_rods_joint_gives_way_as_the_solid_of_revolution_says(nu):
         assert moved == pytest.approx(np.array(of_rod) + np.array(of_joint) / (69e9 * a), rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theory", ["kirchhoff", "mindlin"])
 def test_stub_and_head_of_a_rod_where_the_plate_bends_or_shears(theory):
     """Energy over the disc, of w = x^2/2 + xy bent and, with shear, of w = x: the plate's own, bowl and saddle apart,
@@ -104,6 +105,7 @@ def test_stub_and_head_of_a_rod_where_the_plate_bends_or_shears(theory):
     assert strain @ (stub.stiffness @ strain) == pytest.approx(energy * math.pi * 0.01**2, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_solid_of_revolution_in_limits_that_are_known():
     """A rod almost without stiffness leaves the plate alone, whose lower face follows the mid-plane where Poisson's
     ratio is zero; so does the foot of any rod its theories. That face is normal to the rod, where shear stress is a
@@ -163,6 +165,7 @@ def roots(function, highest):
     return zeros
 
 
+@pytest.mark.slow
 def test_rigid_plate_on_its_rods():
     """All modes up to 10 kHz: bounce, sway with tilt in two planes, yaw, and the rods' own bending."""
     mass, thickness = 7830 * 0.25 * 0.02, 0.02

@@ -150,6 +150,7 @@ def test_command_ends_with_2_and_one_line(tmp_path, capsys, changes, arguments, 
     assert captured.out == ""
 
 
+@pytest.mark.slow
 def test_where_rods_twist_below_a_plate_at_rest_its_shape_is_zero(tmp_path):
     """Four equal rods have three such modes, at the frequency of a shaft held at both ends; nothing is divided by."""
     import meshio

@@ -79,6 +79,7 @@ def test_stress_of_a_motion_is_that_of_its_modes_and_vanishes_across_free_edges(
     assert surface_stress(modes, 2 * amplitude) == pytest.approx(2 * stress)
 
 
+@pytest.mark.slow
 def test_peak_of_a_motion_is_the_largest_of_all_its_instants_and_places():
     """By the principal stresses, which Mohr's circle gives."""
     table = plate(rods=four_rods(), thickness_m=0.01, max_frequency_Hz=1500.0, theory="mindlin")

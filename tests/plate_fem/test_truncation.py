@@ -45,6 +45,7 @@ def test_kept_and_residual_modes_give_the_exact_static_response_to_the_loads(the
     assert abs(kept - exact).max() > 1e-2 * abs(exact).max()  # without them it is not
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theory, rods", [
     ("kirchhoff", [*four_rods()[:3], rod(-0.1, 0.15, diameter_m=0.03)]), ("mindlin", four_rods(diameter_m=0.08))])
 def test_rods_bear_their_share_of_a_steady_force_anywhere(theory, rods):
@@ -170,6 +171,7 @@ def test_karas_plate():
     assert without > 1378.3 * 1.01
 
 
+@pytest.mark.slow
 def test_energy_left_out_is_what_an_impact_leaves_out():
     """Ball on a plate, its modes cut at 1.5 and 2 kHz, against all that matter: coal of the paper, 234 us."""
     table = plate(rods=four_rods(), max_frequency_Hz=12e3, theory="kirchhoff")

@@ -233,6 +233,7 @@ def test_against_the_integral_of_every_arrangement(off, tempered, speed, stones,
     assert found.probability == pytest.approx(shares(logs, temperature), abs=0.02)
 
 
+@pytest.mark.slow
 def test_moments_of_the_impact_count_by_their_whole_likelihood():
     """A record whose beginning is unknown: every arrangement at nine moments about the most probable step, each by its
     integral. The moments' covariances differ, and so do their determinants."""
@@ -266,6 +267,7 @@ def test_channels_that_a_record_lacks_are_left_out():
     assert found.probability == pytest.approx(lone.estimate(signals, noise, arrival_s=0.0).probability, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [-25, 1, 20])
 def test_the_moment_of_the_impact_is_found(method, late):
     """From 0.25 ms of silence to a record that begins 0.2 ms after the impact; steps are 10 us."""
@@ -277,6 +279,7 @@ def test_the_moment_of_the_impact_is_found(method, late):
     assert np.mean(right) >= 5 / 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("noise", "least_right"), [(0.0, 0.95), (0.1, 0.9)])
 def test_stones_of_other_draws_are_counted(method, noise, least_right):
     X, ratios = draw(40, 2, noise=noise)
@@ -286,12 +289,14 @@ def test_stones_of_other_draws_are_counted(method, noise, least_right):
     assert sum(r.out_of_distribution != "" for r in found) <= 2
 
 
+@pytest.mark.slow
 def test_another_plate_and_another_speed_are_out_of_distribution(method):
     found = method.answer(draw(10, 3, 0.007)[0])
     assert all("misfit of the plate's model" in r.out_of_distribution for r in found)
     assert all(r.out_of_distribution for r in method.answer(draw(50, 3, speeds=(4.5, 4.5))[0]))
 
 
+@pytest.mark.slow
 def test_a_speed_that_varied():
     X, ratios = draw(90, 5, speeds=(2.0, 4.0))
     method = ArrangementLikelihood(exact_trigger=True).fit(X[:40], ratios[:40], groups=np.arange(40))
@@ -348,6 +353,7 @@ def test_distances_by_hand():
     assert expected.distances(half) == pytest.approx([0.1 / 1.8, 2.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 0.005, 0.02, 0.05, 0.1])
 def test_the_limit_of_the_misfit_follows_the_noise(method, noise):
     """Good records pass at any noise, also between those at which the limits were learnt; of a plate that is 2.5 %

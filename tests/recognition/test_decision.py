@@ -45,6 +45,7 @@ def drawing(coal_first, shares, seed):
     return told_of(fallen(gangue, rng), known)
 
 
+@pytest.mark.slow
 def test_an_alarm_comes_soon_after_the_share_is_passed():
     """A share of 10 % that becomes 60 % after 60 stones."""
     shares = np.r_[np.full(60, 0.1), np.full(60, 0.6)]
@@ -55,6 +56,7 @@ def test_an_alarm_comes_soon_after_the_share_is_passed():
     assert len(found.sum) == 120 and found.sum[alarms[0] + 1] < 1.0  # begins anew
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 4])
 def test_too_few_known_stones_are_unsafe(seed):
     """Coal alone that one does not know may be gangue: no threshold is safe, and there is no alarm."""
@@ -63,6 +65,7 @@ def test_too_few_known_stones_are_unsafe(seed):
     assert found.foreseen.unsafe and not found.alarm.any()
 
 
+@pytest.mark.slow
 def test_what_is_foreseen_is_that_of_known_stones():
     """Coal that is said to be known and of which every other stone is gangue: no law has such coal, yet it would alarm."""
     rng = np.random.default_rng(6)
@@ -72,6 +75,7 @@ def test_what_is_foreseen_is_that_of_known_stones():
     assert found.unsafe and found.false_alarms_1_h > 1
 
 
+@pytest.mark.slow
 def test_fewer_false_alarms_come_later():
     told = drawing(30, np.full(30, 0.3), 4)
     law = LearntLaw.of(told, PRIOR)
@@ -91,6 +95,7 @@ def test_what_is_asked_must_make_sense(above, false):
         Stop(above, false)
 
 
+@pytest.mark.slow
 def test_stones_that_come_in_pieces_are_judged_alike():
     """A law that is learnt beside judges those that come LATER_S after the stones that taught it, however fast it was."""
     told, t_s = drawing(0, np.full(110, 0.3), 5), np.arange(110) / 20
@@ -104,6 +109,7 @@ def test_stones_that_come_in_pieces_are_judged_alike():
     assert t_s[sum(len(one.none) for one in whole[:first])] == pytest.approx(t_s[FIRST - 1] + LATER_S)
 
 
+@pytest.mark.slow
 def test_stones_after_a_pause_are_judged_by_the_law_that_all_before_it_taught():
     """A law is due as the pause ends, and had all of it to be learnt in."""
     told, before = drawing(0, np.full(80, 0.3), 6), 2 * FIRST + 10

@@ -69,6 +69,7 @@ def test_the_process_does_not_take_all_for_noise(seed):
     assert np.std([model.ratio(x) for x in X[110:]] - y[110:]) < 0.25 < 0.3 * np.std(y)
 
 
+@pytest.mark.slow
 def test_ratio_interval_and_warning(monkeypatch):
     signals, y = records(80, 3)
     method = FeatureRegression("energies_sensors")

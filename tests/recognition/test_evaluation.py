@@ -104,6 +104,7 @@ def synthetic_set(tmp_path_factory, monkeypatch_module):
     return out
 
 
+@pytest.mark.slow
 def test_evaluation_csv(synthetic_set):
     path = write_evaluation(read_dataset(synthetic_set), synthetic_set, only("rms_line"))
     found = pd.read_csv(path, comment="#")
@@ -117,6 +118,7 @@ def test_evaluation_csv(synthetic_set):
     assert free["reason"].str.contains("no run of the families free").all()
 
 
+@pytest.mark.slow
 def test_the_table_counts_as_one_counts_by_hand(synthetic_set):
     data = read_dataset(synthetic_set)
     results = evaluate(data, only("rms_line"), [MANY], [None], progress=lambda line: None)

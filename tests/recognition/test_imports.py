@@ -46,6 +46,7 @@ def test_features_of_a_record_import_only_what_they_use(tmp_path, ending):
     assert ending == "parquet" or "pyarrow" not in loaded
 
 
+@pytest.mark.slow
 def test_a_run_imports_only_what_it_uses():
     """All that a run needs whose modes and packings are known; finite elements and mesh files are not among it."""
     loaded = modules_after("import dem.run.run, dem.__main__, numpy, io\nfrom common.files.parquet import write_parquet\n"

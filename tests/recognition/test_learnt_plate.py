@@ -38,6 +38,7 @@ def test_on_the_plate_of_the_training_nothing_changes(method):
     assert found.scatter == [] and found.names == method.model_.names
 
 
+@pytest.mark.slow
 def test_stones_on_another_plate_are_counted_once_it_was_tapped(method):
     """Of 8.2 instead of 8 mm: refused by the model of the training, right by that of the tapped plate. What modes above
     those that were learnt add is that of 8 mm."""
@@ -68,6 +69,7 @@ def scattered_covariance(model):
     return rows @ rows.T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["frequency", "damping"])
 def test_what_is_not_known_of_a_mode_scatters_records(method, what):
     """A frequency or a damping ratio that is off by its standard deviation, against two responses of the whole plate to

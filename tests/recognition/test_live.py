@@ -74,6 +74,7 @@ def piped(capsys, here, content, *options):
         os.close(kept)
 
 
+@pytest.mark.slow
 def test_live_stones_are_those_of_the_file(drawing, names, capsys):
     """Over a socket, in pieces that cut frames; and the ratio over time holds the truth."""
     here, values, truth = drawing
@@ -110,6 +111,7 @@ def test_live_stones_are_those_of_the_file(drawing, names, capsys):
     assert all(heard_s[t_s] < events.index(last) for t_s in heard_s if t_s < last["t_s"])
 
 
+@pytest.mark.slow
 def test_stones_are_told_in_the_times_of_the_record(drawing, names, capsys):
     """A clock that is 0.08 % fast is not resampled."""
     here, values, truth = drawing
@@ -124,6 +126,7 @@ def test_stones_are_told_in_the_times_of_the_record(drawing, names, capsys):
         assert np.median([min(abs(truth["t_s"] * 20_000 / 20_016 - t_s)) for t_s in found_s]) < 1e-4
 
 
+@pytest.mark.slow
 def test_where_every_stone_is_known_there_is_no_ratio(drawing, names, capsys):
     here, values, _ = drawing
     table = pd.DataFrame(values.T.astype(float), columns=names)
@@ -145,6 +148,7 @@ def test_a_terminal_shows_the_ratio_over_its_interval():
     assert watched(event | {"stones": 0, "ratio": np.nan}) == ""
 
 
+@pytest.mark.slow
 def test_another_plate_is_said_within_three_seconds(drawing, names, capsys):
     here, values, _ = drawing
     swapped = {"rate_Hz": RATE_2_Hz, "channels": names[2:] + names[:2]}
@@ -156,6 +160,7 @@ def test_another_plate_is_said_within_three_seconds(drawing, names, capsys):
     assert "ratio" not in {one["event"] for one in events}
 
 
+@pytest.mark.slow
 def test_what_is_clipped_above_20_kHz_is_refused_as_it_was_recorded(drawing, plate, names, capsys):
     """Resampled it is no longer level. From a stone on: by the first second, and later."""
     here, values, truth = drawing
@@ -168,6 +173,7 @@ def test_what_is_clipped_above_20_kHz_is_refused_as_it_was_recorded(drawing, pla
         assert events[-1]["refused"].startswith(f"{plate.sensor_names[1]}: clipped: ")
 
 
+@pytest.mark.slow
 def test_a_stream_that_ends_early_is_held_to_radii_and_speeds_too(drawing, names, capsys):
     here, values, _ = drawing
     content = sent(values[:, :round(0.7 * RATE_2_Hz)], {"rate_Hz": RATE_2_Hz, "channels": names})
@@ -229,6 +235,7 @@ def told(plate, forces, values):
     return [one for k in range(0, values.shape[1], 777) for one in live.hear(values[:, k:k + 777])], live
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "level"), [("white", 3.0), ("white", 0.3), ("mixture", 2.0)])
 def test_noise_that_changes_is_learnt_in_a_pause(plate, forces, pause, kind, level):
     values, begins, truth = pause
@@ -240,6 +247,7 @@ def test_noise_that_changes_is_learnt_in_a_pause(plate, forces, pause, kind, lev
     assert len(stones) >= len(truth) - 2 and off_s.max() < 1e-4 and not live.reason
 
 
+@pytest.mark.slow
 def test_what_is_not_learnt_makes_stones_up_or_is_refused(plate, forces, pause, monkeypatch):
     monkeypatch.setattr("recognition.stream.recognise.GAP_S", 1e3)
     values, begins, truth = pause
@@ -247,6 +255,7 @@ def test_what_is_not_learnt_makes_stones_up_or_is_refused(plate, forces, pause, 
     assert sum(one["event"] == "stone" for one in events) > len(truth) or "refused" in {one["event"] for one in events}
 
 
+@pytest.mark.slow
 def test_another_plate_is_not_learnt_as_noise(plate, forces, pause):
     """Sensors that are swapped, in noise that changes: it is learnt, and no ratio is told for the rest."""
     values, begins, _ = pause

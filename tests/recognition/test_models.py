@@ -27,6 +27,7 @@ def model(sweep_path):
     return Model.fit(read_sweep(sweep_path).runs)
 
 
+@pytest.mark.slow
 def test_unseen_ratios_are_recognised(model, tmp_path):
     """Runs with other second impacts (another seed) than those of the training."""
     sweep = read_sweep(write_sweep(tmp_path / "x", ratios=(0.3, 0.7), seed=91))
@@ -38,6 +39,7 @@ def test_unseen_ratios_are_recognised(model, tmp_path):
             assert answer.ratio == pytest.approx(run.gangue_ratio, abs=0.03), method
 
 
+@pytest.mark.slow
 def test_held_out_ratios(sweep_path):
     runs = read_sweep(sweep_path).runs
     prepared = PreparedRuns.of(runs)
@@ -47,6 +49,7 @@ def test_held_out_ratios(sweep_path):
         assert answers["energy_fusion_modified"].ratio == pytest.approx(run.gangue_ratio, abs=0.05)
 
 
+@pytest.mark.slow
 def test_saved_model_answers_the_same_and_holds_no_code(model, sweep_path, tmp_path):
     model.save(tmp_path / "model.json")
     again = Model.load(tmp_path / "model.json")
@@ -110,6 +113,7 @@ def test_acceleration_alone_is_enough_for_q(model, sweep_path):
     assert "internal_J" in answers["energy_fusion_modified"].reason
 
 
+@pytest.mark.slow
 def test_energies_of_other_sensors_than_the_training_has_give_no_ratio(model, sweep_path):
     """Pooled over three of four, they are as far off as a record of less gangue."""
     signals = read_sweep(sweep_path).runs[4].signals
@@ -125,6 +129,7 @@ def test_a_method_that_finds_a_record_unlike_its_training_says_no_ratio():
     assert list(result.words())[-1].split(maxsplit=1) == ["b", "out of distribution: misfit 9, limit 2"]
 
 
+@pytest.mark.slow
 def test_command_line(sweep_path, tmp_path, capsys):
     out = tmp_path / "model.json"
     assert main(["fit", str(sweep_path), "--out", str(out)]) == 0
@@ -153,6 +158,7 @@ def test_a_wide_interval_is_warned_of(low, high, reach):
     assert ["WARNING" in line and f"{reach} points" in line for line in lines] == ([True] if reach else [])
 
 
+@pytest.mark.slow
 def test_too_few_ratios(sweep_path):
     with pytest.raises(RecognitionError, match="6 runs at 3 mixing ratios; needs at least 4"):
         Model.fit(2 * read_sweep(sweep_path).runs[:3])

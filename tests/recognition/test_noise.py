@@ -24,6 +24,7 @@ def test_copies_have_the_noise_of_the_record_once_more_and_are_the_same_again():
     assert noise_of(noisy[["a"]].to_numpy().T) == pytest.approx([0.05], rel=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 0.1, 0.3])
 def test_an_interval_by_the_power_of_a_signal_holds_whatever_the_noise(noise):
     """Noise raises the mean square, always: the ratio, which is it over that of a ratio of 1, is off by a bias."""

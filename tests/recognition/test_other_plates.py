@@ -99,6 +99,7 @@ def test_a_stone_touches_before_the_centre_of_its_force():
     assert stone.moments() == pytest.approx((7.0 * 40e-6, 30e-6, 1e-6 * np.sqrt((40**2 - 1) / 12)))
 
 
+@pytest.mark.slow
 def test_histories_and_law_are_of_the_rock_of_today():
     """After any change of rock or contact, `make forces` makes both anew."""
     assert stored_rock() == rock_of(SCENE.with_name("single.toml"))

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from common.files.cache import user_cache
 from common.resources import resource
 from common.scene.plate import read_plate
+from common.tables import InputError, Refused
 from plate_fem.modes import plate_modes
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel, modal_steps
@@ -30,6 +31,14 @@ def test_shapes_and_sensors_are_those_of_the_finite_elements(model):
     assert model.shape(*points.T) == pytest.approx(modes.shape_at(points), abs=1e-3 * abs(modes.shape).max())
     assert model.sensor_names == ("north", "west", "south", "east")
     assert model.sensor_shape[1] == pytest.approx(modes.shape_at(np.array([[-0.15, 0.05]]))[0])
+
+
+@pytest.mark.parametrize("highest_Hz", [0.0, -5.0, np.nan])
+def test_modes_up_to_no_frequency_are_refused(highest_Hz):
+    with pytest.raises(InputError, match="paper.toml: plate.max_frequency_Hz = .*: must be above 0"):
+        PlateModel.from_scene(SCENE, highest_Hz)
+    with pytest.raises(Refused, match="^max_frequency_Hz = "):
+        plate_modes(read_plate(SCENE).model_copy(update={"max_frequency_Hz": highest_Hz}))
 
 
 def test_response_is_that_of_an_integrator(model):

@@ -33,6 +33,7 @@ def test_one_hit_predicts_the_next_the_worse_the_longer():
     assert 15 < found["least_percent_200_ms"] < found["most_percent_200_ms"] < 35
 
 
+@pytest.mark.slow
 @at_hand("ramp")
 def test_what_runs_down_a_ramp_is_told_from_recordings_that_were_held_out():
     found = records.ramp(records.real("ramp"))
@@ -84,6 +85,7 @@ def foreign():
         yield file.stem, np.concatenate([signals[:, 40_000:44_000], signals[:, 50_000:54_000]]), 44_100.0
 
 
+@pytest.mark.slow
 @at_hand("plate_hits")
 @at_hand("ramp")
 def test_records_of_another_plate_are_refused():

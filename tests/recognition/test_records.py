@@ -9,7 +9,7 @@ import pytest
 from analysis import RecordError
 from recognition import RecognitionError
 from recognition.estimation.window import Window
-from recognition.plate.records import at_rate, record_table
+from recognition.plate.records import at_rate, numbers, record_table
 
 T_s = np.arange(200) / 8000.0
 X = np.sin(2 * np.pi * 100.0 * T_s)
@@ -17,7 +17,7 @@ G = 9.80665
 
 
 @pytest.mark.parametrize("name, scale, unit, factor", [
-    ("acc_A_m_s2", 1.0, None, 1.0), ("acc_A_m_s2", 2.0, None, 2.0), ("A [g]", 1.0, None, G), ("A (mm/s²)", 3.0, None, 3e-3),
+    ("acc_A_m_s2", 1.0, None, 1.0), ("acc_A_m_s2", 2.0, "m/s^2", 2.0), ("A [g]", 1.0, None, G), ("A (mm/s²)", 3.0, "mm/s^2", 3e-3),
     ("A", 0.1, "g", 0.1 * G), ("acc_A [mV]", 0.01, "g", 0.01 * G), ("acc_A_m_s2", 1.0, "g", G)])
 def test_units_and_names(tmp_path, name, scale, unit, factor):
     pd.DataFrame({"Zeit [ms]": 1e3 * T_s, name: X, "force_N": X}).to_csv(tmp_path / "a.csv", index=False)
@@ -30,10 +30,21 @@ def test_units_and_names(tmp_path, name, scale, unit, factor):
 
 def test_a_column_without_a_unit_is_left_alone_and_another_unit_is_refused(tmp_path):
     pd.DataFrame({"t_s": T_s, "A": X}).to_csv(tmp_path / "a.csv", index=False)
-    assert list(record_table(tmp_path / "a.csv", 5.0)[0]) == ["t_s", "A"]
-    for wrong in ({"unit": "V"}, {"scale": 0.0}, {"scale": float("nan")}):
-        with pytest.raises(RecordError, match="must be"):
+    assert list(record_table(tmp_path / "a.csv")[0]) == ["t_s", "A"]
+    for wrong in ({"unit": "V"}, {"scale": 0.0}, {"scale": float("nan")}, {"scale": 5.0}):
+        with pytest.raises(RecordError, match="must be|scale = 5; needs the unit"):
             record_table(tmp_path / "a.csv", **wrong)
+
+
+@pytest.mark.parametrize("name", ["A", "A [g]", "acc_A_m_s2"])
+def test_text_among_samples_is_refused_and_a_column_of_text_passed_over(tmp_path, name):
+    text = [*X[:5].astype(str), "oops", *X[6:].astype(str)]
+    pd.DataFrame({"t_s": T_s, name: text, "note": "dry"}).to_csv(tmp_path / "a.csv", index=False)
+    table, source = record_table(tmp_path / "a.csv", 2.0, "g")
+    with pytest.raises(RecordError, match="acc_A_m_s2: every sample must be finite"):
+        numbers(table, "acc_A_m_s2", source)
+    table[[]].to_parquet(tmp_path / "none.parquet")
+    assert record_table(tmp_path / "none.parquet", 2.0, "g")[0].empty
 
 
 @pytest.mark.parametrize("kind", ["wav", "tdms", "h5", "lvm"])

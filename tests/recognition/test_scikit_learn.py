@@ -49,6 +49,7 @@ def test_scikit_learns_own_checks(kind):
         check_estimator(MADE[kind]())
 
 
+@pytest.mark.slow
 def test_cross_validation_is_fitting_without_one_run(features):
     """Against a loop that leaves each run out by hand."""
     method, X = MADE[FusionPipeline](), features(FusionPipeline)
@@ -74,6 +75,7 @@ def test_a_search_over_parameters(features):
     np.testing.assert_allclose(-search.cv_results_["mean_test_score"], errors, rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", MADE, ids=lambda kind: kind.__name__)
 def test_a_clone_is_not_fitted_and_learns_the_same(kind, features):
     method, X = MADE[kind](), features(kind)

@@ -34,6 +34,7 @@ def test_the_stored_records_are_of_the_rock_of_the_scene():
     assert table.attrs["rock"] == rock_of("scenes/paper.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["impulse", "energies_sensors"])
 def test_a_draw_held_out_is_recognised_better_than_by_a_straight_line(impacts, features, name):
     """Through the rms of the accelerometers."""

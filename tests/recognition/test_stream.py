@@ -65,6 +65,7 @@ def test_stones_of_a_stream(heard):
     assert found.refused == "" and found.hearing.tapped
 
 
+@pytest.mark.slow
 def test_another_plate_is_refused(heard, plate, forces):
     """The record of one plate, heard with sensors that are not where they are said to be."""
     stream, _ = heard
@@ -92,6 +93,7 @@ def test_a_clipped_record_of_any_rate_is_refused(heard, plate, rate_Hz):
         channels_of(table.assign(t_s=t_s), plate, "record")
 
 
+@pytest.mark.slow
 def test_stones_of_another_size_are_heard(heard, plate, forces):
     """Stones of 25 mm that are said to have 21: the record says otherwise, and the answer stays."""
     stream, _ = heard
@@ -100,6 +102,7 @@ def test_stones_of_another_size_are_heard(heard, plate, forces):
     assert surely_told(found.stones, stream.truth) >= 8
 
 
+@pytest.mark.slow
 def test_stones_too_weak_to_be_heard_are_told(heard, plate, forces):
     """Of stones from 3 to 30 mm some are lost, which may be any share of gangue."""
     stream, found = heard
@@ -142,6 +145,7 @@ def test_a_stone_that_may_have_touched_before_counts_less():
     assert ratio_of(stones[20:22].assign(again=1.0)) == pytest.approx((1, 1, 1), abs=0.01)
 
 
+@pytest.mark.slow
 def test_touches_of_stones_that_came_down_slower_may_be_second_ones(forces):
     """Sixty stones, of which twelve come down once more with 0.6 of their speed."""
     prior, rng = StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), np.random.default_rng(15)
@@ -153,6 +157,7 @@ def test_touches_of_stones_that_came_down_slower_may_be_second_ones(forces):
     assert slowed[60:].mean() > 0.9 and slowed[:60].mean() < 0.1
 
 
+@pytest.mark.slow
 def test_signature_is_the_whitened_response(plate, forces):
     """Against the plate model's own exact response to the force, low-passed and whitened as a record is."""
     whitening = Whitening.of(plate, CHANNELS, RATE_Hz, SensorNoise.white(np.ones(4)), np.full(4, 10.0))
@@ -184,6 +189,7 @@ def test_a_signature_ends_when_one_channel_rings_no_more(plate, forces):
         assert energy[first + LAGS:].max() < BLOCK + 6 * np.sqrt(2 * BLOCK)  # from which a stone is searched for
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_signature(plate, forces):
     """By the signatures of the neighbours on the grids of times, durations and places."""
     whitening = Whitening.of(plate, CHANNELS, RATE_Hz, SensorNoise.white(np.ones(4)), np.full(4, 10.0))
@@ -234,6 +240,7 @@ def test_innovations_of_free_ringing_are_noise(plate):
     assert np.std(whitening(values)[:, 15:60]) > 5 * np.std(late)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["white", "tones"])
 def test_frequencies_from_the_ringing(plate, histories, kind):
     rng = np.random.default_rng(3)
@@ -253,6 +260,7 @@ def test_frequencies_from_the_ringing(plate, histories, kind):
     assert abs(damping.mean()) < 4 * damping.std() / np.sqrt(len(damping))
 
 
+@pytest.mark.slow
 def test_a_plate_that_is_warmer_than_when_it_was_tapped(plate, histories, forces):
     """All frequencies are 1 % off; a plate that is as it was, or is farther off, stays as it was thought to be."""
     rng = np.random.default_rng(5)
@@ -278,6 +286,7 @@ def test_interval_of_stones_that_tell_nothing():
     assert np.isnan(ratio_of(stones.iloc[:0])).all()
 
 
+@pytest.mark.slow
 def test_interval_holds_as_often_as_it_says():
     """Sets of 60 stones of any ratio, told by a number that is normal about 0 or 1 with deviation 0.8: that of one stone in
     four is nearer to the other material. The mean of their probabilities is 18 points off, the answer 7."""
@@ -319,10 +328,12 @@ def test_times_are_those_of_the_centres(heard):
     (lambda t: t.drop(columns="acc_north_m_s2"), (), "at least one of acc_north_m_s2"),
     (lambda t: t.assign(acc_north_m_s2=np.nan), (), "every sample must be finite"),
     (lambda t: t, ("--radius", "0.03", "0.02"), "lower first"),
+    (lambda t: t, ("--radius", "25", "25"), "--radius 25 25: must be two numbers above 0, below 1 m"),
     (lambda t: t, ("--speed", "200", "400"), "above 0, below 100"),
     (lambda t: t, ("--step", "0"), "must be a time, at least 0.001 s"),
     (lambda t: t, ("--coal-first", "-1"), "must be a number of stones"),
     (lambda t: t, ("--stop-above", "200"), "must be from 2 to 98 %"),
+    (lambda t: t, ("--false-alarms-per-hour", "5"), "goes with --stop-above"),
     (lambda t: t, ("--law", "none.json"), "none.json: no law"),
     (lambda t: t, ("--known", "none.toml"), "none.toml"),
     (lambda t: t, ("--silence", "1"), "from 0.02 s to the length of the record"),

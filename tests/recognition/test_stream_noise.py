@@ -12,6 +12,7 @@ from recognition.stream.recognise import RATE_Hz, recognise_stream
 from tests.recognition.elastic_stones import CHANNELS, after_noise, surely_told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("after_s", [1e-3, 20e-3])
 def test_a_record_without_silence_is_refused(heard, plate, forces, after_s):
     """It begins when the plate rings from the second stone, at once or later."""
@@ -24,6 +25,7 @@ def test_a_record_without_silence_is_refused(heard, plate, forces, after_s):
     assert "quiet" in refused
 
 
+@pytest.mark.slow
 def test_silence_before_the_stream_changes_nothing(heard, plate, forces):
     """Ten seconds of noise before the first stone: the same stones, none besides, and nothing is left unexplained."""
     stream, _ = heard
@@ -68,6 +70,7 @@ def test_noise_is_learnt_from_the_quiet():
         assert SensorNoise.of(changed).change == pytest.approx(4.0, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["mixture", "drifting tones"])
 def test_stones_in_the_noise_of_a_machine(heard, plate, forces, kind):
     """The twelve stones after a second of noise of 10 dB."""

@@ -58,6 +58,7 @@ def test_modes_are_found(start, truth, force_known):
     assert found.unexplained.max() < 0.1
 
 
+@pytest.mark.slow
 def test_frequencies_that_are_off_the_more_the_higher_are_found():
     """As those of another theory of plates: up to 15 % above the start, whose standard deviation is 3 %."""
     start = PlateModel.from_scene(SCENE, 3750.0)
@@ -140,6 +141,7 @@ def frequency_responses(plate, place, frequency_Hz):
     return (share * plate.shape(*place[:, None])[0]) @ plate.sensor_shape.T
 
 
+@pytest.mark.slow
 def test_frequency_responses_in_and_modes_out(truth, tmp_path):
     """Those of an analyser, in g over N, teach the plate as taps do, and its modes are read by other programs."""
     pyuff = pytest.importorskip("pyuff")

@@ -103,6 +103,7 @@ def test_where_and_when_stones_fall_is_told_with_each_record(own_falls):
     assert sum(bool(one.out_of_distribution) for one in method.answer(late)) >= 6
 
 
+@pytest.mark.slow
 def test_where_and_when_stones_fell_is_sought_where_it_is_not_told(own_falls):
     """The records are of the plate's motion in small steps, on another basis than the search has."""
     method, others, truth = own_falls
@@ -117,6 +118,7 @@ def test_where_and_when_stones_fell_is_sought_where_it_is_not_told(own_falls):
         assert answer.ratio == pytest.approx(ratio, abs=0.05) and answer.low <= ratio <= answer.high
 
 
+@pytest.mark.slow
 def test_a_stone_may_have_arrived_before_the_record_begins(own_falls, tmp_path):
     """As it has where the first sample that shows an impact is a little after it."""
     (*_, x), (*_, ratio) = own_draw(8, 2, tmp_path, late=8)

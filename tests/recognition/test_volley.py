@@ -61,6 +61,7 @@ def volleys(true):
     return [(gangue, record(true, gangue, rng)) for gangue in (0, 3, 5, 8, 10)]
 
 
+@pytest.mark.slow
 def test_ratio_on_a_plate_that_is_known_nearly(volleys, known):
     """An answer of one half always would be 30 points off in the mean."""
     answers = [recognise_volley(known, SENSORS, TEN, load_forces(), values) for _, values in volleys]
@@ -70,6 +71,7 @@ def test_ratio_on_a_plate_that_is_known_nearly(volleys, known):
     assert sum(found.ratio()[0] <= ratio <= found.ratio()[2] for found, ratio in zip(answers, right, strict=True)) >= 4
 
 
+@pytest.mark.slow
 def test_moments_are_those_of_simulated_volleys(true):
     """Whitened by mean and covariance, records of five and five have a unit mean square (plate known)."""
     exact = replace(true, frequency_sd=0 * true.frequency_sd)
@@ -130,6 +132,7 @@ def test_hypotheses_against_a_sum_over_stones():
         assert told.share(forces.density_kg_m3)[k] == pytest.approx(gangue / sum(mass[kind] for kind in kinds))
 
 
+@pytest.mark.slow
 def test_numbers_that_are_told_as_a_range(volleys, true, known):
     """Eight stones, with eight to twelve told: the interval holds, and is wider than with eight told; with ten told the
     answer is another one."""
@@ -141,6 +144,7 @@ def test_numbers_that_are_told_as_a_range(volleys, true, known):
     assert exact.ratio(stones=TEN)[1] < 0.5
 
 
+@pytest.mark.slow
 def test_a_gain_is_refused(volleys, known):
     """One channel 0.8 of what it was; with all channels alike only the stones seem smaller. Of one record the gain is
     known within some 3 %."""
@@ -170,6 +174,7 @@ def test_what_cannot_be_judged(volleys, known):
         recognise_volley(replace(known, max_frequency_Hz=5000.0), SENSORS, TEN, forces, values)
 
 
+@pytest.mark.slow
 def test_command(volleys, known, tmp_path, capsys):
     gangue, values = volleys[3]
     table = pd.DataFrame({"t_s": np.arange(values.shape[1]) / RATE_Hz})
@@ -188,10 +193,12 @@ def test_command(volleys, known, tmp_path, capsys):
     assert said[1].startswith("mixing ratio by number") and float(low) <= 10 * gangue <= float(high)
     assert said[2].startswith("mixing ratio by mass")
     assert said[3].startswith("the record does not tell whether the stones are those told; by number it would be with one")
-    for wrong, text in (("5", "5"), ("3 2.5", "3 2.5"), ("2 2.5 3", "2 2.5 3")):
-        assert main([*words, "--speed", *wrong.split()]) == 2
-        assert capsys.readouterr().err == (f"--speed {text}: must be a number between 2 and 3.2, "
-                                           "or two such numbers, the lower first\n")
+    of_two = "must be a number from {}, or two, the lower first"
+    for wrong, allowed in (("--speed 5", of_two.format("2 to 3.2 m/s")), ("--speed 3 2.5", of_two.format("2 to 3.2 m/s")),
+                           ("--speed 2 2.5 3", of_two.format("2 to 3.2 m/s")), ("--stones 1", of_two.format("2 to 30")),
+                           ("--radius 25", "must be from 0.005 to 0.1 m")):
+        assert main([*words, *wrong.split()]) == 2
+        assert capsys.readouterr().err == f"{wrong}: {allowed}\n"
     assert main([*words, "--stones", "8", "12", "--speed", "2.8", "3.2"]) == 0
     wide_low, wide_high = capsys.readouterr().out.splitlines()[1].rsplit(" ", 3)[1:4:2]
     assert float(wide_low) <= float(low) and float(wide_high) >= float(high)

@@ -17,6 +17,7 @@ from analysis.sweep.breakage import broken_bonds, damage, fragment_shares
 from tests.analysis.synthetic import write_sweep
 from tests.report.synthetic_view import T_S, centre_m, write_view
 
+pytestmark = pytest.mark.slow
 SCREENSHOTS = Path(__file__).resolve().parents[2] / "build" / "screenshots"
 #: WebGL on the processor alone, as on a machine without a graphics card.
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]

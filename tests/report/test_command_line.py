@@ -22,6 +22,7 @@ def test_unusable_runs(tmp_path, capsys):
     assert "no finished run" in ends_with(capsys, 2, tmp_path)
 
 
+@pytest.mark.slow
 def test_a_sweep_of_streams_has_no_forces_by_stone(tmp_path, capsys):
     """Nor has it the same stone at place 3 of every run; the figure of those is left out."""
     sweep = write_sweep(tmp_path / "sweep", ratios=(0.0, 0.5, 1.0))

@@ -99,6 +99,7 @@ def test_the_page_of_two_runs_stands_alone_and_says_what_differs(runs, capsys):
     assert "nan" not in re.sub(r'"data:[^"]*"', "", html)
 
 
+@pytest.mark.slow
 def test_sweeps_are_paired_by_ratio_and_the_rest_is_named(tmp_path, capsys):
     write_sweep(tmp_path / "old", ratios=(0.0, 0.2, 0.5))
     write_sweep(tmp_path / "new" / "paper", ratios=(0.2, 0.5, 0.8))
@@ -138,6 +139,7 @@ def test_runs_on_a_rigid_plate_are_compared_by_their_force(runs):
     assert [curve.title for curve in curves] == 2 * ["force on the plate, N"]
 
 
+@pytest.mark.slow
 def test_a_page_of_somebody_else_is_not_replaced(runs, capsys):
     page = runs[1].parent / "compare_first_second.html"
     page.write_text("mine")

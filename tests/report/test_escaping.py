@@ -68,6 +68,7 @@ def sweeps(tmp_path_factory):
     return here / "harmless", here / NAME
 
 
+@pytest.mark.slow
 def test_a_report_has_no_element_more(sweeps, monkeypatch):
     monkeypatch.setattr(report.page, "CHAPTERS", report.page.CHAPTERS[:1])  # drawing takes its time
     harmless, evil = (Elements(report.page.report(sweep).report.read_text()) for sweep in sweeps)

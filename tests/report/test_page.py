@@ -52,6 +52,7 @@ def test_report_of_an_incomplete_sweep_says_so(papers):
     assert "Missing: 10, 30, 40, 70, 90 %" in words_of(papers) and "Passed over" in words_of(papers)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("paper", [True, False])
 def test_a_run_alone_has_its_page_whatever_its_name_is(tmp_path, monkeypatch, paper):
     """What needs several ratios is left out; nothing is missing, and no range is of one value."""
@@ -70,6 +71,7 @@ def test_a_run_alone_has_its_page_whatever_its_name_is(tmp_path, monkeypatch, pa
     assert not (run / "claims.csv").exists()  # trends are what the paper states
 
 
+@pytest.mark.slow
 def test_a_report_in_a_run_does_not_keep_the_run_from_being_replaced(tmp_path):
     run = write_run(tmp_path / "mine", 0.5)
     write_contents(run, "run", {name: hash_of(run / name) for name in files_in(run)})
@@ -98,6 +100,7 @@ def test_a_scene_is_the_papers_by_its_physics_and_not_by_its_name(tmp_path, monk
 KEPT = re.compile(r"paper|scoreboard|Yang|statements|soft coal|0\.99079|Table \d|Figure \d|Fig\. \d", re.I)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{"thickness_m": 0.01}, {"tilt_deg": 20.0}])
 def test_a_page_of_another_scene_holds_no_kept_value(tmp_path, monkeypatch, changes):
     scene = synthetic.SCENE | {"plate": synthetic.SCENE["plate"] | changes}

@@ -34,6 +34,7 @@ def run(tmp_path_factory):
     return read_run(directory)
 
 
+@pytest.mark.slow
 def test_the_page_of_a_stream_holds_everything_inside(run):
     html = report.page.report(run.path.parent).report.read_text()
     assert not re.search(r'(?:src|href)="(?!data:|#)', re.sub(r"<script>.*?</script>", "", html, flags=re.DOTALL))
@@ -57,6 +58,7 @@ def test_true_ratio_is_that_of_a_count_by_hand(run):
         true_ratio(stones, 1.0, 2.0)
 
 
+@pytest.mark.slow
 def test_sub_spheres_and_bonds_of_a_stream_are_those_of_its_scene(run):
     assembly = prepare(changed_scene(SCENE, SMALL), "stream.toml", None).assembly
     network = breakage.read_network(run)
@@ -86,6 +88,7 @@ def test_a_stone_file_that_is_cut_off_is_refused(run, tmp_path):
             breakage.read_network(read_run(copy))
 
 
+@pytest.mark.slow
 def test_what_was_heard_stands_beside_what_fell(run, tmp_path):
     copy = tmp_path / "heard_streams"
     shutil.copytree(run.path.parent, copy)

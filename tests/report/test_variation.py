@@ -45,6 +45,7 @@ def test_one_stone_is_shown_over_all_stones_with_its_deviation_and_resolution(pa
     assert found["speed over critical speed"] == "0.8"
 
 
+@pytest.mark.slow
 def test_a_sweep_stands_beside_draws_with_their_mean_deviation_and_rank(paper):
     results = SweepResults(read_sweep(paper))
     with pytest.raises(MissingResult, match="no runs in natural beside this directory; `make natural`"):
@@ -65,6 +66,7 @@ def test_a_sweep_stands_beside_draws_with_their_mean_deviation_and_rank(paper):
     assert float(coal["50%: this sweep"]) == pytest.approx(1e4 * 3e-6 * BROKEN_BONDS["coal"], rel=5e-3)
 
 
+@pytest.mark.slow
 def test_breakage_of_one_draw_says_that_its_spread_is_not_known(paper):
     results = SweepResults(read_sweep(paper))
     for spec in BREAKAGE_FIGURES:
@@ -74,6 +76,7 @@ def test_breakage_of_one_draw_says_that_its_spread_is_not_known(paper):
     assert sum(claim.verdict != NOT_TESTED for claim in claims) >= 5
 
 
+@pytest.mark.slow
 def test_breakage_of_several_draws_has_their_deviation(paper):
     """Runs of other seeds in the directory: the second draw breaks half of the bonds of the first."""
     for run in sorted(paper.iterdir()):

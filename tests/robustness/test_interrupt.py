@@ -111,6 +111,7 @@ def check_gone(everybody):
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["sweep", "dataset", "run", "campaign"])
 def test_one_interrupt_ends_the_children_and_what_waits_does_not_start(tmp_path, command):
     process, everybody = long_runs(tmp_path, command)
@@ -125,6 +126,7 @@ def test_one_interrupt_ends_the_children_and_what_waits_does_not_start(tmp_path,
     assert len(begun) == 1 and (begun[0] / "started.json").exists()  # what was at work stays, and no other began
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command, number", [
     ("sweep", signal.SIGTERM), pytest.param("campaign", signal.SIGHUP, marks=pytest.mark.validate),
     pytest.param("campaign", signal.SIGKILL, marks=pytest.mark.validate)])

@@ -277,6 +277,7 @@ def test_a_list_of_files_does_not_reach_out_of_its_directory(tmp_path):
     assert mine.read_text() == "mine" and (out / "link").is_symlink()
 
 
+@pytest.mark.slow
 def test_a_single_file_is_written_over_its_own_kind_only(tmp_path, capsys, monkeypatch):
     """Not over any file of the format, nor over one that was changed since."""
     monkeypatch.setattr("recognition.estimation.noise.COPIES", 2)  # a fit takes its time
@@ -350,6 +351,7 @@ def test_two_commands_do_not_work_in_one_directory(commands, tmp_path, capsys):
         assert not list(out.glob("**/run.json"))
 
 
+@pytest.mark.slow
 def test_a_report_is_written_over_a_report_only(tmp_path):
     sweep = write_sweep(tmp_path / "sweep", ratios=(0.0,))
     head = "claim,where,verdict,value,expected\n"

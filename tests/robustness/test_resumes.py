@@ -92,6 +92,7 @@ def test_stopped_at_twenty_checkpoints(tmp_path, monkeypatch, name, ratio, pictu
     assert [file for file in whole[0] if parts[0][file] != whole[0][file]] == []
 
 
+@pytest.mark.slow
 def test_two_ranks_stop_at_a_checkpoint_and_go_on(tmp_path):
     """Asked before they listen."""
     scene = changed_scene(ROOT / "tests" / "single.toml", {

@@ -52,6 +52,7 @@ def expected_ratios(stones):
     return [pytest.approx(0.0), *(STEPS_OF_DRAWN - 1) * [pytest.approx(0.5, abs=0.5)], pytest.approx(1.0)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*FAST, *(pytest.param(name, marks=pytest.mark.validate)
                                            for name in sorted(set(NAMES) - set(FAST)))])
 def test_a_shipped_scene_sweeps_to_a_report(tmp_path, name):
