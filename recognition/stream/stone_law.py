@@ -43,8 +43,8 @@ BREAKS_SD, OTHER, OTHER_SD = 1.5, -3.5, 1.0  # of logits
 HARDER_SD = 0.75  # of the logit of coal that breaks less that of gangue: of a weaker seam both break more
 LUMPS, LUMP_SD = 0.03, 0.8  # share, and deviation of the logarithm of size
 #: Stones that come down slower, since they bounced or struck another in the air: time within which two meet, so that
-#: the odds grow as the rate of stones, 10 to 400 a second; deviation of their logit. Mean and logarithm of the deviation
-#: of the logarithm of their speed, with deviations of both: restitutions from 0.5 to 0.9 leave -0.37 and log 0.17,
+#: the odds grow as the rate of stones, 10 to 400 a second; deviation of their logit. Of the logarithm of their speed,
+#: mean and logarithm of the deviation, with deviations of both: restitutions from 0.5 to 0.9 leave -0.37 and log 0.17,
 #: stones that meet in the engine -0.5 and log 0.35.
 MEET_S, SLOWED_SD = 3e-3, 1.0
 SLOWER, SLOWER_SD = np.array([-0.47, np.log(0.28)]), np.array([0.12, 0.3])
