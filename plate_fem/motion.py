@@ -221,8 +221,8 @@ def pulse_response(modes: PlateModes, step_s: float, count: int) -> tuple[np.nda
     """Return amplitude, rate and acceleration (count, n) of every mode under a unit modal force from 0 to step_s.
 
     They are exact. Rows belong to the times 0, step_s, 2 step_s ...; units are those of `ModalMotion` per N kg^-1/2. At
-    0 and at step_s, where the force jumps, the acceleration is the mean of both sides. Raises InputError for a step that
-    is not above 0, and fewer than 2 rows.
+    0 and at step_s, where the force jumps, the acceleration is the mean of both sides. Raises InputError for a step
+    that is not above 0, and fewer than 2 rows.
 
     >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
     >>> amplitude, rate, acceleration = pulse_response(modes, step_s=1e-4, count=200)

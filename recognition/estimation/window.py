@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import RecordError
-from analysis.signals.records import sample_rate_Hz
+from analysis.signals.records import READ_AS_S, sample_rate_Hz
 from analysis.sweep.runs import Run
 from common.channels import ACCELEROMETERS, RODS
 from recognition.estimation.arrays import Floats
@@ -58,7 +58,7 @@ class Window:
         rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), f"{source}: t_s")
         if not np.isclose(rate_Hz, self.rate_Hz, rtol=1e-3):
             raise RecordError(f"{source}: {rate_Hz:.6g} Hz; the model needs {self.rate_Hz:.6g} Hz, "
-                              "to which --resample goes")
+                              f"to which --resample goes; {READ_AS_S}")
         if len(signals) < self.n_samples:
             raise RecordError(f"{source}: {len(signals)} samples; the model needs {self.n_samples} from the impact on")
         return signals.iloc[: self.n_samples]
