@@ -155,7 +155,7 @@ class PlateModes:
 def refuse_off_plate(points_m: ArrayLike, *ends_m: ArrayLike) -> np.ndarray:
     """Return points (k, 2) as numbers. Raises InputError for one that is not between the ends of the plate along x and
     along y, but for rounding."""
-    points = np.asarray(points_m, float)
+    points = np.atleast_2d(np.asarray(points_m, float))
     if points.ndim != 2 or points.shape[1] != 2:
         raise InputError(f"points_m has shape {points.shape}; must be points (x, y), (k, 2)")
     for name, values, (low, high) in zip("xy", points.T, np.asarray(ends_m, float), strict=True):
@@ -200,7 +200,7 @@ def plate_modes(
     """
     refuse_too_many_modes(plate)
     points = None if residual_points_m is None else refuse_off_plate(
-        residual_points_m, *([-side / 2, side / 2] for side in plate.size_m))
+        np.reshape(residual_points_m, (-1, 2)), *([-side / 2, side / 2] for side in plate.size_m))
     names = [one.name for one in fields(PlateModes)]
 
     def find() -> dict[str, object]:

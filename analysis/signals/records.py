@@ -46,7 +46,7 @@ class RecordError(CommandError, ValueError):
 class Record:
     """A uniformly sampled signal: finite values (n,) in `unit`, from the time `t0_s` on.
 
-    Raises RecordError for values of another shape or not finite, and for a sample rate that is not positive.
+    Raises RecordError for values of another shape, a rate that is not positive, and what is not finite.
 
     >>> Record([0.0, 2.0, 1.0], rate_Hz=1000.0, unit="m/s^2").t_s.tolist()
     [0.0, 0.001, 0.002]
@@ -72,6 +72,8 @@ class Record:
             raise RecordError(f"{self.name}: sample {first} is {values[first]}; every sample must be finite")
         if not (np.isfinite(self.rate_Hz) and self.rate_Hz > 0):
             raise RecordError(f"{self.name}: rate_Hz = {self.rate_Hz}; must be finite and > 0")
+        if not np.isfinite(self.t0_s):
+            raise RecordError(f"{self.name}: t0_s = {self.t0_s}; must be finite")
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "rate_Hz", float(self.rate_Hz))
 

@@ -183,11 +183,12 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _assumptions_are_keys(self) -> Self:
-        tables = {**self.model_dump(), "plate": dict.fromkeys(FlexiblePlate.model_fields) | self.plate.model_dump()}
+        tables = self.model_dump()
+        tables["plate"] = dict.fromkeys(FlexiblePlate.model_fields) | tables["plate"]
         for key in self.assumptions:
             if not _is_key(key.split("."), tables):
-                raise Refused("assumptions", key, "must name keys of this scene, such as stones.gap_m; materials.*.bond "
-                              "is that of all materials")
+                raise Refused("assumptions", key, "must name keys of this scene, such as stones.gap_m; "
+                              "materials.*.bond is that of all materials")
         return self
 
     def kind_of(self, material: str) -> str | None:
