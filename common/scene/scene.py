@@ -295,12 +295,6 @@ class Scene(Table):
                 raise Refused("plate.yield_stress_Pa", self.plate.yield_stress_Pa, "must be left out where "
                               "stones.agglomerate.contact = 'faces': under faces the plate stays elastic")
 
-    @property
-    def _one_stone(self) -> bool:
-        stones = self.stones
-        count = len(stones.each) if stones.each is not None else stones.count
-        return count == 1
-
     def _check_contacts(self) -> None:
         names = self.falling_materials
         needed = {contact_key(a, b): (a, b) for a in names for b in [*names, PLATE]}
@@ -309,7 +303,8 @@ class Scene(Table):
         for key in self.contacts:
             if key not in known:
                 raise Refused(f"contacts.{key}", key, f"unknown pair of materials; possible are {sorted(known)}")
-        alone = self._one_stone and self.stones.agglomerate is None
+        count = self.stones.count if self.stones.each is None else len(self.stones.each)
+        alone = count == 1 and self.stones.agglomerate is None
         for key, pair in sorted(needed.items()):
             if self.contact_of(*pair) is None and (PLATE in pair or not alone):
                 raise Refused(f"contacts.{key}", None, "must be given with restitution and friction")
