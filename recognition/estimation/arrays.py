@@ -15,6 +15,8 @@ Booleans: TypeAlias = NDArray[np.bool_]
 def finite(name: str, values: ArrayLike, dimensions: int) -> Floats:
     """Numbers in at least so many dimensions, none of them empty. RecognitionError for others."""
     try:
+        if np.iscomplexobj(values):
+            raise TypeError
         numbers = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         raise RecognitionError(f"{name}: must be real numbers in one shape") from None

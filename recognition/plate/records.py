@@ -12,12 +12,12 @@ from analysis.signals.resampling import resample
 from common.channels import name_and_unit, sensor_column, unit_of
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
+from recognition.estimation.window import LEAST_SHARE
 from recognition.plate.plate_model import PlateModel
 
 M_S2 = {"m/s^2": 1.0, "mm/s^2": 1e-3, "g": 9.80665}
 ACCELERATION = re.compile(r"acc_\w+_m_s2")
 MOST = 1e30  # of a sample in its unit
-LEAST_SHARE = 0.1  # of the rate to go to
 LEAST_SAMPLES = 64  # the filters need a run-up
 BENDS = 0.3  # of the largest shape: modes that bend the plate
 
@@ -60,7 +60,7 @@ def at_rate(table: pd.DataFrame, rate_Hz: float, source: str, anti_alias: bool =
     if np.isclose(found_Hz, rate_Hz, rtol=1e-3):
         return table
     if found_Hz < rate_Hz * LEAST_SHARE:
-        raise RecordError(f"{source}: {found_Hz:.6g} Hz; must be at least {LEAST_SHARE:g} of {rate_Hz:.6g} Hz; "
+        raise RecordError(f"{source}: {found_Hz:.6g} Hz; must be at least {LEAST_SHARE:.0%} of {rate_Hz:.6g} Hz; "
                           f"{READ_AS_S}")
     records = {name: resample(Record(numbers(table, name, source), found_Hz, name=name), rate_Hz, anti_alias=anti_alias)
                for name in table.columns.drop("t_s")}

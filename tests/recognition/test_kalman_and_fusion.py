@@ -102,7 +102,7 @@ def test_what_is_not_finite_is_refused(bad):
             use()
 
 
-@pytest.mark.parametrize("signals", [1.0, [1.0, 2.0], np.empty((2, 0)), np.empty((0, 5)), [["a", "b"]], [[1j, 1]]])
+@pytest.mark.parametrize("signals", [1.0, [1.0, 2.0], np.empty((2, 0)), np.empty((0, 5)), [["a", "b"]], np.array([[1j, 1]])])
 def test_what_are_no_signals_is_refused(signals):
     with pytest.raises(RecognitionError, match="signals"):
         fuse(signals)

@@ -107,3 +107,5 @@ def test_a_rate_far_below_the_models_tells_of_the_unit_of_times():
     for use in (lambda: at_rate(table, 20_000 / 3, "x"), lambda: Window(20_000 / 3, 100).cut(table, "x")):
         with pytest.raises(RecordError, match=r"x: 8 Hz; .*read in s: a column in ms must be called t \[ms\]"):
             use()
+    with pytest.raises(RecordError, match="8000 Hz; the model needs 6666.67 Hz; --resample goes to it"):
+        Window(20_000 / 3, 100).cut(table.assign(t_s=T_s), "x")
