@@ -48,9 +48,7 @@ def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], spe
     between limits, and write the law of their forces to `out` (.json). The runs stay in a directory of its name beside
     it, and are not made again. Raises InputError or RecognitionError for bad input, Busy where another process is
     there."""
-    refuse_file(str(out), is_sealed_as(FORMAT))
-    if out.suffix != ".json":
-        raise InputError(f"--out {out}: must end in .json")
+    refuse_file(str(out), is_sealed_as(FORMAT), ".json")
     if not LEAST <= stones <= 10_000:
         raise InputError(f"--stones {stones}: must be from {LEAST} to 10000")
     refuse_limits(radius_m, speed_m_s)

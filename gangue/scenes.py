@@ -41,7 +41,7 @@ def scenes(name: str | None = None, out: Path | None = None) -> ScenesResult:
     if key not in shipped:
         raise InputError(f"SCENE = {name!r}: must be one of {', '.join(shipped)}")
     copy = out or Path(key)
-    refuse_file(str(copy), lambda _: False)  # nothing is replaced
+    refuse_file(str(copy), lambda _: False, ".toml")  # nothing is replaced
     write_text(copy, shipped[key].read_text())
     return ScenesResult({key: about[key]}, copy)
 

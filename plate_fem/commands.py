@@ -43,10 +43,8 @@ def modes(scene_file: Path, out: Path | None = None) -> ModesResult:
     if plate.max_frequency_Hz is None:
         raise InputError(f"{scene_file}: plate.max_frequency_Hz is missing: it must be given to list modes without "
                          "stones")
-    if out is not None and out.suffix != ".vtu":
-        raise InputError(f"--out = {out}: the name must end in .vtu")
     if out is not None:
-        refuse_file(str(out), is_stamped)
+        refuse_file(str(out), is_stamped, ".vtu")
     with refused_in(scene_file, "plate"), told(f"{scene_file}: modes"):
         found = plate_modes(plate, user_cache())
     if out is not None:

@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 from common.files.cache import cached, key_of
 from common.scene.plate import FlexiblePlate
-from common.tables import Refused
+from common.tables import InputError, Refused
 from plate_fem.elements import mesh
 from plate_fem.elements.mesh import highest_frequency_Hz, refuse_too_many_modes
 from plate_fem.elements.system import PlateSystem, sways
@@ -112,12 +113,14 @@ class PlateModes:
         wave = 1 - (np.pi / (FINER * mesh.CELLS_PER_WAVELENGTH)) ** 2 / 2  # half a cell of the grid from its crest
         return fine / wave + fine - abs(self.shape).max(axis=0)
 
-    def shape_at(self, points_m: np.ndarray) -> np.ndarray:
-        """Return the deflection (k, n) of the modes at points (k, 2)."""
-        return np.hstack(list(self.shapes_at(points_m)))
+    def shape_at(self, points_m: ArrayLike) -> np.ndarray:
+        """Return the deflection (k, n) of the modes at points (k, 2) of the plate. Raises InputError for another."""
+        points = refuse_off_plate(points_m, self.lines_x_m[[0, -1]], self.lines_y_m[[0, -1]])
+        return np.hstack(list(self.shapes_at(points)))
 
     def shapes_at(self, points_m: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield the deflection (k, m) at points (k, 2) of m modes after others: all at once may fill much memory."""
+        """Yield the deflection (k, m) at points (k, 2) of m modes after others: all at once may fill much memory.
+        Beyond an edge the cubics of the outermost cells go on."""
         rows = mesh.bicubics(self.lines_x_m, self.lines_y_m).values(points_m)
         for part in self.parts():
             yield rows @ part.nodal.reshape(rows.shape[1], -1)
@@ -149,6 +152,19 @@ class PlateModes:
             yield replace(self, **{name: getattr(self, name)[..., k : k + AT_ONCE] for name in of_all})
 
 
+def refuse_off_plate(points_m: ArrayLike, *ends_m: ArrayLike) -> np.ndarray:
+    """Return points (k, 2) as numbers. Raises InputError for one that is not between the ends of the plate along x and
+    along y, but for rounding."""
+    points = np.atleast_2d(np.asarray(points_m, float))
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise InputError(f"points_m has shape {points.shape}; must be points (x, y), (k, 2)")
+    for name, values, (low, high) in zip("xy", points.T, np.asarray(ends_m, float), strict=True):
+        off = ~((values >= low - 1e-9) & (values <= high + 1e-9))
+        if off.any():
+            raise InputError(f"{name} = {values[off][0]:g}: must lie on the plate, from {low:g} to {high:g} m")
+    return points
+
+
 def _refined(lines: np.ndarray, times: int) -> np.ndarray:
     return np.interp(np.arange(times * (len(lines) - 1) + 1) / times, np.arange(len(lines)), lines)
 
@@ -173,8 +189,8 @@ def plate_modes(
     residual_points_m (k, 2): where loads act. Up to k modes above `max_frequency_Hz` are added, which give these
     points the static compliance of all the modes left out (plate_fem/solution/eigen.py), and one for each rod, with
     which the rods bear their exact share of a steady force anywhere. Without it there are none.
-    Raises ValueError for a table without `max_frequency_Hz`, and Refused for one with too many cells or modes, or
-    whose numbers are so extreme that they cannot be found.
+    Raises ValueError for a table without `max_frequency_Hz`, InputError for points off the plate, and Refused for one
+    with too many cells or modes, or whose numbers are so extreme that they cannot be found.
 
     >>> plate = FlexiblePlate(size_m=(1.0, 1.0), thickness_m=0.01, edges="simply_supported",
     ...     density_kg_m3=7830.0, youngs_modulus_Pa=2.07e11, poisson_ratio=0.3, damping_ratio=0.0, max_frequency_Hz=60)
@@ -183,7 +199,8 @@ def plate_modes(
     True
     """
     refuse_too_many_modes(plate)
-    points = None if residual_points_m is None else np.asarray(residual_points_m, float).reshape(-1, 2)
+    points = None if residual_points_m is None else refuse_off_plate(
+        np.reshape(residual_points_m, (-1, 2)), *([-side / 2, side / 2] for side in plate.size_m))
     names = [one.name for one in fields(PlateModes)]
 
     def find() -> dict[str, object]:
@@ -314,11 +331,14 @@ def surface_stress_rows(system: PlateSystem, points_m: np.ndarray) -> list[sp.cs
 def energy_left_out(max_frequency_Hz: float, contact_time_s: float) -> float:
     """Return the share of a plate's impact energy that would go into modes above max_frequency_Hz.
 
-    It holds for an undamped Hertz contact that lasts contact_time_s, to first order in the plate's motion.
+    It holds for an undamped Hertz contact that lasts contact_time_s, to first order in the plate's motion. Raises
+    InputError for what is negative or no number.
 
     >>> f"{energy_left_out(max_frequency_Hz=10e3, contact_time_s=2e-4):.1e}"
     '9.4e-04'
     """
+    if not (max_frequency_Hz >= 0 and contact_time_s >= 0):
+        raise InputError(f"{max_frequency_Hz:g} Hz, {contact_time_s:g} s: must be numbers from 0 on")
     cut_off, share = _pulse_share()
     return float(np.interp(max_frequency_Hz * contact_time_s, cut_off, share))
 

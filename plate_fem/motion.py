@@ -8,6 +8,7 @@ of a slightly different ellipse, so that energy cannot drift however many steps 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -71,7 +72,8 @@ class ModalMotion:
     """State of the plate's modes, moved on in multiples of `interval_s`.
 
     Amplitude (kg^1/2 m) and rate (kg^1/2 m/s) have shape (n,). A step gives new arrays and leaves the old ones as
-    they are. Modal forces have unit N kg^-1/2; `work_J` is the exact work of the modal force since the start.
+    they are. Modal forces have unit N kg^-1/2; `work_J` is the exact work of the modal force since the start. Raises
+    InputError for an interval that is not above 0, and for forces and states that are not finite.
 
     >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
     >>> motion = ModalMotion(modes, interval_s=1e-5)
@@ -83,6 +85,8 @@ class ModalMotion:
     ROWS = 128  # the most states that `advance_rows` finds at once
 
     def __init__(self, modes: PlateModes, interval_s: float) -> None:
+        if not 0 < interval_s < math.inf:
+            raise InputError(f"interval_s = {interval_s:g}: must be above 0 and finite")
         self._modes, self.interval_s = modes, float(interval_s)
         self._omega = 2 * np.pi * np.asarray(modes.frequency_Hz, float)
         zeta = np.asarray(modes.damping_ratio, float)
@@ -114,9 +118,7 @@ class ModalMotion:
 
     def advance(self, force: np.ndarray, intervals: int = 1) -> None:
         """Move over `intervals` * interval_s under a constant modal force (n,)."""
-        before = self.amplitude
-        self._move_to(self.predict(force, intervals))
-        self.work_J += float(force @ (self.amplitude - before))
+        self._move_to(self.predict(force, intervals), force)
 
     def predict(self, force: np.ndarray, intervals: int = 1) -> np.ndarray:
         """Return amplitude and rate (2, n) `intervals` later under a constant modal force (n,); the state stays."""
@@ -149,8 +151,7 @@ class ModalMotion:
             pushed = force[self._rigid]
             states[:, 0, self._rigid] = q[self._rigid] + h * r[self._rigid] + h**2 / 2 * pushed
             states[:, 1, self._rigid] = r[self._rigid] + h * pushed
-        self.work_J += float(force @ (states[-1, 0] - self.amplitude))
-        self._move_to(states[-1])
+        self._move_to(states[-1], force)
         return states
 
     def acceleration_at(self, amplitude: np.ndarray, rate: np.ndarray, force: np.ndarray) -> np.ndarray:
@@ -196,7 +197,9 @@ class ModalMotion:
         amplitude, rate = (np.asarray(state[name], float) for name in ("amplitude", "rate"))
         if amplitude.shape != self._omega.shape or rate.shape != self._omega.shape:
             raise ValueError(f"state of {amplitude.shape} modes for a plate of {self._omega.shape}")
-        self._move_to(np.stack([amplitude, rate]))
+        if not (np.isfinite(amplitude).all() and np.isfinite(rate).all()):
+            raise InputError("state: amplitude and rate must be finite")
+        self._state, self._free_end = np.stack([amplitude, rate]), None
         self.work_J, self._start_J = (float(v) for v in state.get("ledger_J", (0.0, sum(self.energies))))
 
     def _turn(self, intervals: int) -> _Turn:
@@ -207,21 +210,27 @@ class ModalMotion:
             self._turns[intervals] = _turn(self._omega, self._omega_d, self._decay_rate, duration_s)
         return self._turns[intervals]
 
-    def _move_to(self, state: np.ndarray) -> None:
-        self._state, self._free_end = state, None
+    def _move_to(self, state: np.ndarray, force: np.ndarray) -> None:
+        work_J = self.work_J + float(force @ (state[0] - self.amplitude))
+        if not math.isfinite(work_J):  # as a force is that is not: to look at all of them would take longer
+            raise InputError("force: must be finite, as what it moves must be")
+        self._state, self._free_end, self.work_J = state, None, work_J
 
 
 def pulse_response(modes: PlateModes, step_s: float, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return amplitude, rate and acceleration (count, n) of every mode under a unit modal force from 0 to step_s.
 
     They are exact. Rows belong to the times 0, step_s, 2 step_s ...; units are those of `ModalMotion` per N kg^-1/2. At
-    0 and at step_s, where the force jumps, the acceleration is the mean of both sides.
+    0 and at step_s, where the force jumps, the acceleration is the mean of both sides. Raises InputError for a step
+    that is not above 0, and fewer than 2 rows.
 
     >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
     >>> amplitude, rate, acceleration = pulse_response(modes, step_s=1e-4, count=200)
     >>> amplitude.shape == (200, modes.frequency_Hz.size)
     True
     """
+    if count < 2:
+        raise InputError(f"count = {count}: must be at least 2")
     motion = ModalMotion(modes, step_s)
     n = len(modes.frequency_Hz)
     states = np.zeros((count, 2, n))
@@ -291,11 +300,7 @@ class RecordedMotion:
     def at(self, points_m: Sequence[Sequence[float]]) -> dict[str, np.ndarray]:
         """Vertical displacement u_m, velocity v_m_s and acceleration a_m_s2 (k, points), upwards, at points (x, y) of
         the plate. Raises InputError for another point."""
-        for x_m, y_m in points_m:
-            for name, value, lines in (("x", x_m, self.modes.lines_x_m), ("y", y_m, self.modes.lines_y_m)):
-                if not lines[0] - 1e-9 <= value <= lines[-1] + 1e-9:
-                    raise InputError(f"{name} = {value:g}: must lie on the plate, from {lines[0]:g} to {lines[-1]:g} m")
-        shape = self.modes.shape_at(np.asarray(points_m, float)).T
+        shape = self.modes.shape_at(points_m).T
         amplitude, rate, force = (np.asarray(one, float) for one in (self.amplitude, self.rate, self.force))
         acceleration = ModalMotion(self.modes, 1.0).acceleration_at(amplitude, rate, force)
         return dict(zip(KINDS, (amplitude @ shape, rate @ shape, acceleration @ shape), strict=True))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
+from common.input_error import InputError
 from common.scene.plate import Rod
 from plate_fem.modes import PlateModes
 
@@ -15,22 +16,28 @@ from plate_fem.modes import PlateModes
 def surface_stress(modes: PlateModes, amplitude: np.ndarray) -> np.ndarray:
     """Return the stress (n_nodes, 3, ...) in Pa at the top surface, sx, sy and txy, for modal amplitudes (n, ...).
 
-    The bottom has the opposite sign. The local stress under a contact is not included.
+    The bottom has the opposite sign. The local stress under a contact is not included. Raises InputError for amplitudes
+    that are not finite.
 
     >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
     >>> surface_stress(modes, np.ones(modes.frequency_Hz.size)).shape == (len(modes.node_m), 3)
     True
     """
     amplitude, (*at, n) = np.asarray(amplitude, np.float32), modes.surface_stress.shape
+    if not np.isfinite(amplitude).all():
+        raise InputError("amplitude: must be finite")
     return (modes.surface_stress.reshape(-1, n) @ amplitude).reshape(*at, *amplitude.shape[1:]).astype(float)
 
 
 def von_mises(stress: np.ndarray) -> np.ndarray:
-    """Return the von Mises stress (...,) of plane stress (..., 3) with columns sx, sy, txy.
+    """Return the von Mises stress (...,) of plane stress (..., 3) with columns sx, sy, txy. Raises InputError for
+    what is not finite.
 
     >>> von_mises(np.array([[2e6, 0.0, 0.0], [1e6, 1e6, 0.0]])).tolist()  # along one axis, and along both
     [2000000.0, 1000000.0]
     """
+    if not np.isfinite(stress).all():
+        raise InputError("stress: must be finite")
     sx, sy, txy = np.moveaxis(np.asarray(stress), -1, 0)
     return np.sqrt(sx**2 - sx * sy + sy**2 + 3 * txy**2)
 

@@ -46,7 +46,7 @@ def fit(directory: str, out: str) -> FitResult:
     from recognition.evaluation.dataset import CONDITIONS, read_dataset  # late: no record needs it
 
     file, families, passed_over = Path(out), list[str](), list[str]()
-    refuse_file(out, is_sealed_as(FORMAT))
+    refuse_file(out, is_sealed_as(FORMAT), ".json")
     if any(Path(directory).glob("ratio_*")):
         runs = read_sweep(directory).runs
         model = Model.fit(runs)

@@ -268,7 +268,6 @@ class PreparedRuns:
 
     @classmethod
     def of(cls, runs: list[Run]) -> PreparedRuns:
-        """Raises RecognitionError where no method can be used."""
         window = Window.of(runs)
         tables = [window.cut(run.signals, str(run.path)) for run in runs]
         features, left_out = {}, {}
@@ -278,13 +277,12 @@ class PreparedRuns:
                 features[name] = [method.prepare(table, run) for table, run in zip(tables, runs, strict=True)]
             except RecognitionError as reason:
                 left_out[name] = str(reason)
-        if not features:
-            raise RecognitionError("; ".join(dict.fromkeys(left_out.values())))
         return cls(runs, window, features, left_out)
 
     def fit(self, chosen: Sequence[int] | np.ndarray[Any, Any], groups: Groups | None = None,
             conditions: pd.DataFrame | None = None) -> Model:
-        """A model of the chosen runs; groups and conditions of these."""
+        """A model of the chosen runs; groups and conditions of these. Raises RecognitionError where no method can be
+        used."""
         runs = [self.runs[k] for k in chosen]
         ratios = np.array([run.gangue_ratio for run in runs])
         if (different := np.unique(ratios).size) < LEAST_RATIOS:

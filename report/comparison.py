@@ -181,7 +181,7 @@ def compare(a: Path, b: Path, out: Path | None = None) -> ComparisonResult:
     would replace, OSError where a file cannot be read or written.
     """
     out = out or b.parent / f"compare_{a.name}_{b.name}.html"
-    refuse_file(str(out), is_stamped)
+    refuse_file(str(out), is_stamped, ".html")
     write_text(out, stamped(render(compared(a, b))))
     return ComparisonResult(out)
 

@@ -33,7 +33,7 @@ from recognition.estimation.window import LEAST_RATIOS
 from report import tables, variation
 from report.breakage.claims import BREAKAGE_STATEMENTS
 from report.breakage.figures import BREAKAGE_FIGURES
-from report.drawing.figure_spec import FigureSpec, FinishedFigure, finish_figure
+from report.drawing.figure_spec import FigureSpec, FinishedFigure
 from report.drawing.pages import rendered
 from report.drawing.style import DAMAGE_COLOURS, STRESS_COLOURS, css_gradient, map_table, to_picture_uri
 from report.film.pictures import EARLY, IMPACT, WHOLE, Series
@@ -48,7 +48,7 @@ from report.signals.figures import SIGNAL_FIGURES
 from report.stream.figures import STREAM_FIGURES, heard, stop
 from report.stream.results import StreamResults
 from report.sweep_results import SweepResults
-from report.tables import FinishedTable, TableSpec, finish_table
+from report.tables import FinishedTable, TableSpec
 from report.theory.claims import THEORY_STATEMENTS
 from report.theory.figures import THEORY_FIGURES
 from report.verdicts import (
@@ -230,7 +230,7 @@ def _of_impacts(results: SweepResults) -> Content:
     specs = [spec for spec in of_chapters if spec.ratios <= ratios and spec is not first] + [first]
     main = results.index_nearest(0.5)
     made, claims = make_parts(
-        results, [*(partial(finish, spec, results) for spec in specs),
+        results, [*(partial(spec.finished, results) for spec in specs),
                   *(partial(_film, runs, k, main, (IMPACT, EARLY, WHOLE) if k == main else (IMPACT, WHOLE))
                     for k in range(len(runs)))], statements, recognises)
     finished = {spec.key: one for spec, one in zip(specs, made, strict=False)}
@@ -241,13 +241,13 @@ def _of_impacts(results: SweepResults) -> Content:
         [Chapter(title, [finished[spec.key] for spec in figures if spec.key in finished and spec is not first],
                  [finished[spec.key] for spec in of_chapter if spec.key in finished])
          for title, figures, of_chapter in chapters],
-        finish_table(tables.runs, results), rises(results), claims)
+        tables.runs.finished(results), rises(results), claims)
 
 
 def _of_streams(sweep: Sweep) -> Content:
     streams = [StreamResults(run) for run in sweep.runs]
     names = [run.path.name for run in sweep.runs]
-    works = [[partial(finish_figure, replace(spec, key=f"{name}-{spec.key}"), one)
+    works = [[partial(replace(spec, key=f"{name}-{spec.key}").finished, one)
               for spec in ([heard, stop] if one.was_heard else []) + STREAM_FIGURES]
              for name, one in zip(names, streams, strict=True)]
     films = [partial(_film, sweep.runs, k, 0, (WHOLE,)) for k in range(len(streams))]
@@ -258,11 +258,6 @@ def _of_streams(sweep: Sweep) -> Content:
                 for k, (name, one, found) in enumerate(zip(names, streams, of_each, strict=True))]
     return Content("What fell on the plate?", [Number(*one) for one in streams[0].numbers()], of_each[0][0],
                    films_of(names, list(figures), 0), chapters)
-
-
-def finish(spec: FigureSpec | TableSpec, results: SweepResults) -> FinishedFigure | FinishedTable:
-    """A figure drawn, or a table filled."""
-    return finish_figure(spec, results) if isinstance(spec, FigureSpec) else finish_table(spec, results)
 
 
 def _film(runs: list[Run], index: int, main: int, wanted: tuple[Series, ...]) -> tuple[str, str]:

@@ -16,23 +16,6 @@ Cells = tuple[list[str], list[list[str]]]
 
 
 @dataclass(frozen=True)
-class TableSpec:
-    """A table to build. key: its id in the page. build: gives its cells from the results of a sweep.
-    ratios: it needs at least so many."""
-
-    key: str
-    title: str
-    note: str
-    build: Callable[[SweepResults], Cells]
-    ratios: int = 1
-
-
-def table(key: str, title: str, note: str = "", ratios: int = 1) -> Callable[[Callable[..., Cells]], TableSpec]:
-    """Make a table of the function below, which gives its cells."""
-    return lambda build: TableSpec(key, title, note, build, ratios)
-
-
-@dataclass(frozen=True)
 class FinishedTable:
     """A table as the page shows it; without rows where the runs do not give it, and the note then says why."""
 
@@ -48,13 +31,29 @@ class FinishedTable:
         return pack_text(to_csv([self.header, *self.rows]))
 
 
-def finish_table(spec: TableSpec, results: SweepResults) -> FinishedTable:
-    """Build one table, or an empty one that says why the runs do not give it."""
-    try:
-        header, rows = spec.build(results)
-    except MISSING_RESULT as reason:
-        return FinishedTable(spec.key, spec.title, f"Not given: {reason}", [], [])
-    return FinishedTable(spec.key, spec.title, spec.note, header, rows)
+@dataclass(frozen=True)
+class TableSpec:
+    """A table to build. key: its id in the page. build: gives its cells from the results of a sweep.
+    ratios: it needs at least so many."""
+
+    key: str
+    title: str
+    note: str
+    build: Callable[[SweepResults], Cells]
+    ratios: int = 1
+
+    def finished(self, results: SweepResults) -> FinishedTable:
+        """The table for the page; an empty one says why where the runs do not give it."""
+        try:
+            header, rows = self.build(results)
+        except MISSING_RESULT as reason:
+            return FinishedTable(self.key, self.title, f"Not given: {reason}", [], [])
+        return FinishedTable(self.key, self.title, self.note, header, rows)
+
+
+def table(key: str, title: str, note: str = "", ratios: int = 1) -> Callable[[Callable[..., Cells]], TableSpec]:
+    """Make a table of the function below, which gives its cells."""
+    return lambda build: TableSpec(key, title, note, build, ratios)
 
 
 @table("table-1", "Elastic constants")

@@ -14,7 +14,7 @@ LIMITS = ["--radius", "0.02", "0.03", "--speed", "2", "4"]
 @pytest.mark.parametrize(("options", "said"), [
     (["--stones", "3"], "--stones 3: must be from 16 to 10000"),
     (["--radius", "0.03", "0.02"], "lower first"),
-    (["--out", "law.txt"], "must end in .json"),
+    (["--out", "law.txt"], "the name must end in .json"),
     (["--out", "mine.json"], "mine.json"),
 ])
 def test_bad_input_is_refused(tmp_path, monkeypatch, capsys, options, said):

@@ -130,3 +130,16 @@ def test_bad_input_is_refused_in_one_line(tmp_path, text, said):
     assert "\n" not in str(refused.value)
     with pytest.raises(InputError, match="must stand in the file"):
         changed_scene(SCENES / "paper.toml", {"base": "small.toml"})
+
+
+def test_assumptions_name_keys_of_the_scene():
+    """A key that is not given counts, and one of another kind of plate or way of saying what falls."""
+    file = SCENES / "paper.toml"
+    keys = ["plate.rods", "stones.radius_m", "stones.drawn.size_m", "materials.*.bond", "materials.coal.density_kg_m3"]
+    assert changed_scene(file, {"assumptions": keys}).assumptions == tuple(keys)
+    rigid = {"assumptions": ["plate.rods"], **{f"plate.{key}": None for key in read_toml(file)["plate"] if key not in
+             ("size_m", "density_kg_m3", "youngs_modulus_Pa", "poisson_ratio")}}
+    assert changed_scene(file, rigid).assumptions == ("plate.rods",)
+    for key in ("plate.thicknes_m", "", "materials.slate", "stones.radius_m.x", "plate.rods: four screws"):
+        with pytest.raises(InputError, match="assumptions = .*: must name keys of this scene"):
+            changed_scene(file, {"assumptions": [key]})

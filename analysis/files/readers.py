@@ -16,7 +16,16 @@ import numpy as np
 from analysis.files.array_files import Arrays, read_hdf5, read_lvm, read_matlab, read_tdms
 from analysis.files.text_tables import is_date, read_plain_table, read_text_table
 from analysis.files.uff_files import OF_A_TABLE, as_tap, impulse_response, read_uff
-from analysis.signals.records import Channels, Record, RecordError, chosen, refuse_scale, sample_rate_Hz, seconds
+from analysis.signals.records import (
+    Channels,
+    Record,
+    RecordError,
+    chosen,
+    last_digit_s,
+    refuse_scale,
+    sample_rate_Hz,
+    seconds,
+)
 from common.channels import name_and_unit, plain_unit, unit_of
 from common.files.parquet import read_numbers, read_parquet
 from common.input_error import InputError, refuse_unreadable
@@ -101,7 +110,7 @@ def read_record(
     the only one.
     time: name of the column of times; without it the one that is called so in one of several languages, in s or in the
     unit behind its name, in brackets or after "_". rate_Hz: needed where the file has neither a rate nor times, or
-    times that rounding makes uneven.
+    times that coarse rounding makes uneven.
     scale: factor on the samples, the calibration of a sensor. unit: that of the scaled samples, which goes with it.
     Raises RecordError, one line, if the file cannot be read or leaves the signal or its rate open.
 
@@ -270,7 +279,7 @@ def _record(name: str, values: np.ndarray, unit: str, rate_Hz: float | None, tim
                               "column of times")
         return Record(values, rate_Hz, unit, name)
     try:
-        found = sample_rate_Hz(t_s, f"{name}: {time}")
+        found = sample_rate_Hz(t_s, f"{name}: {time}", may_be_rounded=rate_Hz is None)
     except RecordError as error:
         if rate_Hz is None:
             raise RecordError(f"{error}; where times are rounded, give the sample rate") from None
@@ -285,11 +294,7 @@ def _agrees(t_s: np.ndarray, rate_Hz: float) -> bool:
     """Whether times are those of a rate, all rounded to as many digits as they have, or to single precision."""
     if not (np.isfinite(t_s).all() and rate_Hz > 0):
         return False
-    with np.errstate(over="ignore"):
-        t_s, single = t_s.astype(float), t_s.astype(np.float32)
-        digit = next((10.0**-k for k in range(10) if np.allclose(t_s.round(k), t_s, rtol=1e-15, atol=0)), 0.0)
-        rounding = max(digit, float(np.spacing(abs(single if (single == t_s).all() else t_s).max())))
-    return bool(np.ptp(t_s - np.arange(t_s.size) / rate_Hz) <= rounding * (1 + 1e-6))
+    return bool(np.ptp(t_s.astype(float) - np.arange(t_s.size) / rate_Hz) <= last_digit_s(t_s) * (1 + 1e-6))
 
 
 def _check_rate(name: str, given_Hz: float | None, found_Hz: float, where: str) -> None:

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.fft import fft, ifft
 
 from analysis.signals.emd import Decomposition
-from analysis.signals.records import RecordError
+from analysis.signals.records import Record, RecordError
 
 #: The Fourier resolution of the paper's window of 0.04 s.
 BIN_WIDTH_HZ = 25.0
+MOST_BINS = 1e7
 
 
 @dataclass(frozen=True)
@@ -74,13 +75,14 @@ def analytic_signal(values: np.ndarray) -> np.ndarray:
 def instantaneous(imf: np.ndarray, rate_Hz: float) -> tuple[np.ndarray, np.ndarray]:
     """Return amplitude (n,) and frequency (n,) in Hz of one IMF at each sample.
 
-    The frequency is the central difference of the unwrapped phase, one-sided at the ends.
+    The frequency is the central difference of the unwrapped phase, one-sided at the ends. Raises RecordError for
+    what is no `Record`.
 
     >>> amplitude, frequency_Hz = instantaneous(2 * np.cos(2 * np.pi * 50 * np.arange(1000) / 1e3), rate_Hz=1000.0)
     >>> round(float(amplitude[500]), 6), round(float(frequency_Hz[500]), 6)
     (2.0, 50.0)
     """
-    analytic = analytic_signal(imf)
+    analytic = analytic_signal(Record(imf, rate_Hz, name="imf").values)
     # The step of phase between neighbours is taken within (-pi, pi], which is what unwrapping does.
     step = np.angle(analytic[1:] * np.conj(analytic[:-1]))
     central = np.concatenate([step[:1], 0.5 * (step[1:] + step[:-1]), step[-1:]])
@@ -88,9 +90,10 @@ def instantaneous(imf: np.ndarray, rate_Hz: float) -> tuple[np.ndarray, np.ndarr
 
 
 def frequency_edges_Hz(rate_Hz: float, bin_width_Hz: float) -> np.ndarray:
-    """Return the edges of equal bins from 0 to at least half the sample rate. Raises RecordError for a width <= 0."""
-    if not bin_width_Hz > 0:
-        raise RecordError(f"bin_width_Hz = {bin_width_Hz}; must be > 0")
+    """Return the edges of equal bins from 0 to at least half the sample rate. Raises RecordError for no width, or one
+    with too many bins."""
+    if not 0 < bin_width_Hz < np.inf or rate_Hz / bin_width_Hz > MOST_BINS:
+        raise RecordError(f"bin_width_Hz = {bin_width_Hz}; must be finite, > 0, and give at most {MOST_BINS:.0e} bins")
     return np.arange(max(1, int(np.ceil(0.5 * rate_Hz / bin_width_Hz))) + 1) * bin_width_Hz
 
 
@@ -125,13 +128,16 @@ def marginal_spectrum(
 def hilbert_spectrum(
     decomposition: Decomposition, *, bin_width_Hz: float = BIN_WIDTH_HZ, times: int = 100
 ) -> HilbertSpectrum:
-    """Return the Hilbert spectrum on equal cells of frequency and time. Raises RecordError for a width <= 0.
+    """Return the Hilbert spectrum on equal cells of frequency and time. Raises RecordError for a width that is not > 0,
+    and no times.
 
     >>> record = Record(np.cos(2 * np.pi * 70 * np.arange(1000) / 1e3), rate_Hz=1000.0)
     >>> spectrum = hilbert_spectrum(decompose(record), bin_width_Hz=20.0, times=4)
     >>> spectrum.amplitude.argmax(axis=0).tolist()  # the bin of 60 to 80 Hz at each time
     [3, 3, 3, 3]
     """
+    if times < 1:
+        raise RecordError(f"times = {times}; must be at least 1")
     record = decomposition.record
     edges_Hz = frequency_edges_Hz(record.rate_Hz, bin_width_Hz)
     edges_s = record.t0_s + np.linspace(0, record.values.size / record.rate_Hz, times + 1)

@@ -21,9 +21,12 @@ from common.input_error import CommandError
 if TYPE_CHECKING:
     import pandas as pd
 
-# Times written with few digits jitter by the last digit. More than this share of the interval means gaps, or a rate
-# that changes.
+# Share of the interval. More means gaps, or a rate that changes, unless times are rounded.
 MAX_TIME_JITTER = 0.01
+# Rounded times are up to their last digit off even ones from the first to the last; a lost sample moves them by half an
+# interval, less a digit. More digits in an interval than this tell one from the other.
+DIGITS_OF_AN_INTERVAL = 4
+READ_AS_S = "times without a unit are read in s: a column in ms must be called t [ms]"
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
 LEAST_INTERVAL_s = 1e-12  # of which a rate, and its whole number, are far from the ends of what numbers hold
 
@@ -43,7 +46,7 @@ class RecordError(CommandError, ValueError):
 class Record:
     """A uniformly sampled signal: finite values (n,) in `unit`, from the time `t0_s` on.
 
-    Raises RecordError for values of another shape or not finite, and for a sample rate that is not positive.
+    Raises RecordError for values of another shape, a rate that is not positive, and what is not finite.
 
     >>> Record([0.0, 2.0, 1.0], rate_Hz=1000.0, unit="m/s^2").t_s.tolist()
     [0.0, 0.001, 0.002]
@@ -69,6 +72,8 @@ class Record:
             raise RecordError(f"{self.name}: sample {first} is {values[first]}; every sample must be finite")
         if not (np.isfinite(self.rate_Hz) and self.rate_Hz > 0):
             raise RecordError(f"{self.name}: rate_Hz = {self.rate_Hz}; must be finite and > 0")
+        if not np.isfinite(self.t0_s):
+            raise RecordError(f"{self.name}: t0_s = {self.t0_s}; must be finite")
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "rate_Hz", float(self.rate_Hz))
 
@@ -103,9 +108,9 @@ def seconds(name: str, times: np.ndarray, source: str) -> np.ndarray:
 Channels = dict[str, Callable[[], Record]]  # of a file, by name
 
 
-def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
-    """Return the sample rate of times (n,). Raises RecordError where they are not uniformly spaced, or closer than
-    anything is sampled."""
+def sample_rate_Hz(t_s: np.ndarray, source: str, may_be_rounded: bool = True) -> float:
+    """Return the sample rate of times (n,). Raises RecordError where they are not uniformly spaced, but for rounding to
+    as many digits as they have, or closer than anything is sampled."""
     t_s = np.asarray(t_s, dtype=float)
     steps = np.diff(t_s)
     if steps.size == 0:
@@ -115,7 +120,7 @@ def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
                           "from sample to sample")
     dt_s = (t_s[-1] - t_s[0]) / steps.size
     worst = int(np.argmax(np.abs(steps - dt_s)))
-    if abs(steps[worst] - dt_s) > MAX_TIME_JITTER * dt_s:
+    if abs(steps[worst] - dt_s) > MAX_TIME_JITTER * dt_s and not (may_be_rounded and _even_but_rounded(t_s, dt_s)):
         raise RecordError(
             f"{source}: interval {steps[worst]:.6g} s at sample {worst}, {dt_s:.6g} s in the mean;"
             " needs a uniform sample rate"
@@ -123,6 +128,22 @@ def sample_rate_Hz(t_s: np.ndarray, source: str) -> float:
     if dt_s < LEAST_INTERVAL_s:
         raise RecordError(f"{source}: {dt_s:.6g} s from sample to sample; must be at least {LEAST_INTERVAL_s:g} s")
     return 1.0 / dt_s
+
+
+def last_digit_s(t_s: np.ndarray) -> float:
+    """What finite times are rounded to: the last digit that they have, or what their size leaves of numbers in double
+    or single precision."""
+    with np.errstate(over="ignore"):
+        t_s, single = t_s.astype(float), t_s.astype(np.float32)
+        digit = next((10.0**-k for k in range(10) if np.allclose(t_s.round(k), t_s, rtol=1e-15, atol=0)), 0.0)
+        return max(digit, float(np.spacing(abs(single if (single == t_s).all() else t_s).max())))
+
+
+def _even_but_rounded(t_s: np.ndarray, dt_s: float) -> bool:
+    """Whether times are even ones, all rounded alike, whose mean interval is known as well as that of others."""
+    digit_s, off_s = last_digit_s(t_s), t_s - t_s[0] - np.arange(t_s.size) * dt_s
+    return bool(abs(off_s).max() <= digit_s * (1 + 1e-6) and DIGITS_OF_AN_INTERVAL * digit_s < dt_s
+                and digit_s < MAX_TIME_JITTER * (t_s[-1] - t_s[0]))
 
 
 def chosen(path: str | Path, asked: str | None, channels: Channels) -> Record:

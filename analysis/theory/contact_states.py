@@ -48,16 +48,15 @@ PLATE = Elastic(7830.0, 2.07e11, 0.3)
 class State:
     """One of the four contact states: with damping or not, with deflection of the plate or not."""
 
-    name: str
     damped: bool
     deflects: bool
 
 
 STATES = {
-    "PH": State("complete Hertz", False, False),
-    "HN": State("Hertz with deflection", False, True),
-    "PF": State("complete Flores", True, False),
-    "FN": State("Flores with deflection", True, True),
+    "PH": State(damped=False, deflects=False),  # complete Hertz
+    "HN": State(damped=False, deflects=True),
+    "PF": State(damped=True, deflects=False),  # complete Flores
+    "FN": State(damped=True, deflects=True),
 }
 
 
@@ -224,6 +223,5 @@ def _elastic(run: Run, key: str, table: RecordedMaterial | None) -> Elastic:
 
 
 def _restitution(run: Run, name: str) -> float:
-    contacts = run.scene.contacts
-    found = contacts.get(f"{name}_plate") or contacts.get(f"plate_{name}")
+    found = run.scene.contacts.get(f"{name}_plate")
     return _given(run, f"contacts.{name}_plate.restitution", found.restitution if found else None)

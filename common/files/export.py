@@ -24,7 +24,7 @@ def refuse_export(out: Path) -> None:
         raise InputError(f"--out = {out}: needs the package openpyxl (pip install openpyxl)")
     if out.exists():
         raise InputError(f"--out = {out}: is there; move it away or choose another name")
-    refuse_file(str(out), lambda _: False)
+    refuse_file(str(out), lambda _: False, out.suffix)
 
 
 def export(tables: Mapping[str, pd.DataFrame], out: Path) -> None:

@@ -7,6 +7,7 @@ and docs/scene.md are written from that: `python -m lab.scene_schema`.
 import hashlib
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -180,6 +181,16 @@ class Scene(Table):
         self._check_scatter()
         return self
 
+    @model_validator(mode="after")
+    def _assumptions_are_keys(self) -> Self:
+        tables = self.model_dump()
+        tables["plate"] = dict.fromkeys(FlexiblePlate.model_fields) | tables["plate"]
+        for key in self.assumptions:
+            if not _is_key(key.split("."), tables):
+                raise Refused("assumptions", key, "must name keys of this scene, such as stones.gap_m; "
+                              "materials.*.bond is that of all materials")
+        return self
+
     def kind_of(self, material: str) -> str | None:
         """What stones of a material count as; None of one that does not say."""
         return self.materials[material].kind or (material if material in KINDS else None)
@@ -284,12 +295,6 @@ class Scene(Table):
                 raise Refused("plate.yield_stress_Pa", self.plate.yield_stress_Pa, "must be left out where "
                               "stones.agglomerate.contact = 'faces': under faces the plate stays elastic")
 
-    @property
-    def _one_stone(self) -> bool:
-        stones = self.stones
-        count = len(stones.each) if stones.each is not None else stones.count
-        return count == 1
-
     def _check_contacts(self) -> None:
         names = self.falling_materials
         needed = {contact_key(a, b): (a, b) for a in names for b in [*names, PLATE]}
@@ -298,7 +303,8 @@ class Scene(Table):
         for key in self.contacts:
             if key not in known:
                 raise Refused(f"contacts.{key}", key, f"unknown pair of materials; possible are {sorted(known)}")
-        alone = self._one_stone and self.stones.agglomerate is None
+        count = self.stones.count if self.stones.each is None else len(self.stones.each)
+        alone = count == 1 and self.stones.agglomerate is None
         for key, pair in sorted(needed.items()):
             if self.contact_of(*pair) is None and (PLATE in pair or not alone):
                 raise Refused(f"contacts.{key}", None, "must be given with restitution and friction")
@@ -310,6 +316,14 @@ class Scene(Table):
                 raise Refused(f"scatter.{key}", "...", "must be left out where stones.drawn is given, which says it")
         if scatter.strength_factor is not None and self.stones.agglomerate is None:
             raise Refused("scatter.strength_factor", "...", "needs stones.agglomerate, whose bonds it is for")
+
+
+def _is_key(names: Sequence[str], tables: Any) -> bool:
+    """Is there a key below these tables, or within a table that a scene may have?"""
+    if not names or tables is None:
+        return True
+    return isinstance(tables, dict) and any(
+        _is_key(names[1:], below) for name, below in tables.items() if names[0] in (name, "*"))
 
 
 def contact_key(first: str, second: str) -> str:

@@ -18,7 +18,7 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 
 from analysis.sweep.runs import Run
 from recognition.estimation.answer import Answer, answers_within
-from recognition.estimation.arrays import Floats
+from recognition.estimation.arrays import Floats, finite, training
 from recognition.estimation.calibration import held_out_width
 
 #: A value for each run; runs of one draw of arrangement and packing share it.
@@ -91,7 +91,8 @@ class RecordEstimator(RegressorMixin, BaseEstimator):
     def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> Self:
         """y: ratios (runs,), 0..1. Groups tell the width of the intervals, conditions play no part."""
-        features, ratios = np.asarray(X)[:, 0], np.asarray(y, dtype=float)
+        every, ratios = training(X, y, 3)
+        features = every[:, 0]
         self.width_ = held_out_width(clone(self), features, ratios, groups)
         return self.learn(features, ratios)
 
@@ -105,11 +106,11 @@ class RecordEstimator(RegressorMixin, BaseEstimator):
 
     def predict(self, X: Sequence[Floats] | Floats) -> Floats:
         """Mixing ratio of each record, shape (runs,). Raises NotRecognised."""
-        return np.array([self.ratio_of(x[0]) for x in X])
+        return np.array([self.ratio_of(x[0]) for x in finite("X", X, 3)])
 
     def answer(self, X: Sequence[Floats] | Floats) -> list[Answer]:
         """Ratios, with intervals by the errors on what was held out of the training, and by each record's noise."""
-        return answers_within(self.width_, self.ratio_of, X)
+        return answers_within(self.width_, self.ratio_of, finite("X", X, 3))
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import RecordError
-from analysis.signals.records import sample_rate_Hz
+from analysis.signals.records import READ_AS_S, sample_rate_Hz
 from analysis.sweep.runs import Run
 from common.channels import ACCELEROMETERS, RODS
 from recognition.estimation.arrays import Floats
@@ -18,6 +18,8 @@ from recognition.estimation.errors import RecognitionError
 #: The window of the paper: 0..0.04 s at 1.5e-4 s.
 WINDOW_S = 0.04
 
+#: Of a model's rate, that a record must have to be resampled to it.
+LEAST_SHARE = 0.1
 #: Different ratios that a model needs.
 LEAST_RATIOS = 4
 #: Sets of signals by name; a name that ends in * stands for all columns that begin so, in alphabetic order, and one in
@@ -57,8 +59,8 @@ class Window:
             raise RecordError(f"{source}: no column 't_s'; needs the time of each sample")
         rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), f"{source}: t_s")
         if not np.isclose(rate_Hz, self.rate_Hz, rtol=1e-3):
-            raise RecordError(f"{source}: {rate_Hz:.6g} Hz; the model needs {self.rate_Hz:.6g} Hz, "
-                              "to which --resample goes")
+            how = READ_AS_S if rate_Hz < LEAST_SHARE * self.rate_Hz else "--resample goes to it"
+            raise RecordError(f"{source}: {rate_Hz:.6g} Hz; the model needs {self.rate_Hz:.6g} Hz; {how}")
         if len(signals) < self.n_samples:
             raise RecordError(f"{source}: {len(signals)} samples; the model needs {self.n_samples} from the impact on")
         return signals.iloc[: self.n_samples]

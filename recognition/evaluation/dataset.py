@@ -82,7 +82,9 @@ def read_dataset(path: str | Path) -> DataSet:
             continue
         runs.append(run)
     if not runs:
-        raise RecordError(f"{path}: no finished run FAMILY/GROUP/ratio_*; `make dataset` makes them")
+        what = "no finished run" if path.is_dir() else "no such directory"
+        raise RecordError(f"{path}: {what}; needs FAMILY/GROUP/ratio_* of `gangue dataset` or, for `gangue fit` alone, "
+                          "ratio_* of `gangue sweep`")
     table = pd.DataFrame(rows)
     table.insert(2, "kin", _kin(table["group"], table.pop("order"), table.pop("packing")))
     return DataSet(runs, table, passed_over)

@@ -21,7 +21,7 @@ import pandas as pd
 from scipy.stats import spearmanr
 from sklearn.base import BaseEstimator
 
-from recognition.estimation.arrays import Floats, Integers
+from recognition.estimation.arrays import Floats, Integers, finite
 from recognition.estimation.errors import RecognitionError
 
 ENERGY_RESPONSES = ("internal_J", "kinetic_J", "total_J")
@@ -79,6 +79,7 @@ class Fusion(BaseEstimator):
     def fit(self, responses: Floats) -> Fusion:
         """Minima and maxima (m, 1) over all training runs together; responses: shape (runs, m, n). RecognitionError for
         one that never changes."""
+        responses = self._responses(responses)
         self.low_, self.high_ = (end(responses, axis=(0, 2))[:, None] for end in (np.min, np.max))
         for name, low, high in zip(self.names, self.low_[:, 0], self.high_[:, 0], strict=True):
             if not low < high:
@@ -87,7 +88,14 @@ class Fusion(BaseEstimator):
 
     def normalised(self, responses: Floats) -> Floats:
         """The normalised responses before fusion, shape (..., m, n) as given."""
-        return (responses - self.low_) / (self.high_ - self.low_)
+        return (self._responses(responses) - self.low_) / (self.high_ - self.low_)
+
+    def _responses(self, responses: Floats) -> Floats:
+        """RecognitionError for what is not finite, or for another number of responses."""
+        responses = finite("responses", responses, 2)
+        if responses.shape[-2] != len(self.names):
+            raise RecognitionError(f"responses have shape {responses.shape}; needs (..., {len(self.names)}, n)")
+        return responses
 
     def transform(self, responses: Floats) -> Floats:
         """The fusion parameter QQ at each sample: shape (..., m, n) to (..., n)."""
@@ -119,12 +127,15 @@ def gains(count: int, samples: int, process_to_measurement: float) -> Floats:
 
 
 def fuse(signals: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT) -> Floats:
-    """Fuse m normalised responses into one estimate: shape (..., m, n) to (..., n).
+    """Fuse m normalised responses into one estimate: shape (..., m, n) to (..., n). RecognitionError for what is not
+    finite, or a ratio q / r below 0.
 
     >>> fuse([[1.0, 1.0, 1.0], [3.0, 3.0, 3.0]]).tolist()
     [2.0, 2.0, 2.0]
     """
-    signals = np.asarray(signals, dtype=float)
+    signals = finite("signals", signals, 2)
+    if not 0 <= process_to_measurement < np.inf:
+        raise RecognitionError(f"process_to_measurement = {process_to_measurement}; must be finite and at least 0")
     count, samples = signals.shape[-2:]
     weights = gains(count, samples, float(process_to_measurement))
     measured, total = np.einsum("...mk,km->...k", signals, weights), weights.sum(axis=1)
@@ -136,12 +147,12 @@ def fuse(signals: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT
 
 
 def kalman_filter(signal: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT) -> Floats:
-    """Filter one response, shape (..., n); same unit and shape.
+    """Filter one response, shape (..., n); same unit and shape. RecognitionError as `fuse`.
 
     >>> kalman_filter([0.0, 1.0, 1.0]).round(3).tolist()
     [0.0, 0.524, 0.707]
     """
-    return fuse(np.asarray(signal, dtype=float)[..., None, :], process_to_measurement)
+    return fuse(finite("signal", signal, 1)[..., None, :], process_to_measurement)
 
 
 @dataclass

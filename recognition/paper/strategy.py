@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from sklearn.base import BaseEstimator
 
-from recognition.estimation.arrays import Booleans, Floats, Integers
+from recognition.estimation.arrays import Booleans, Floats, Integers, finite, training
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.paper.q_parameter import fit_polynomials, real_roots
 
@@ -75,6 +75,7 @@ class Rule:
 
     def fit(self, curves: Floats, ratios: Floats) -> FunctionSpace:
         """curves: shape (n, K); ratios: shape (n,). RecognitionError if no moment has a function."""
+        curves, ratios = training(curves, ratios, 2)
         low, high = self._degrees(np.unique(ratios).size)
         moments = np.flatnonzero(np.ptp(curves, axis=0) >= FLAT)
         parameters, found = np.zeros((moments.size, high + 1)), np.zeros(moments.size, dtype=bool)
@@ -139,7 +140,7 @@ class Strategy(BaseEstimator):
 
     def fit(self, curves: Floats, ratios: Floats) -> Strategy:
         """curves: shape (n, K), QQ of the training runs; ratios: shape (n,), 0..1."""
-        self.space_ = self.rule.fit(np.asarray(curves, dtype=float), np.asarray(ratios, dtype=float))
+        self.space_ = self.rule.fit(curves, ratios)
         return self
 
     def predict(self, curves: Floats) -> Floats:
@@ -158,7 +159,7 @@ class Strategy(BaseEstimator):
 
     def candidates(self, curve: Floats) -> Candidates:
         """Every candidate ratio of a curve, shape (K,), held against all other moments."""
-        curve = np.asarray(curve, dtype=float)
+        curve = finite("curve", curve, 1)
         if curve.shape != (self.space_.n_moments,):
             raise RecognitionError(f"the curve has {curve.size} moments; the model has {self.space_.n_moments}")
         values = curve[self.space_.moments]

@@ -165,7 +165,7 @@ def _pulse_force_response(pulse_N: tuple[float, ...], excitation: Excitation) ->
 def _unit_force_response(plate_json: str, places: Places, moved_m: Places, residual: Places, step_s: float, steps: int,
                          modes_dir: Path | None) -> Floats:
     plate, modes, amplitude, acceleration = _pulse(plate_json, residual, step_s, steps, modes_dir)
-    down = -modes.shape_at(np.array(places) + np.array(moved_m))
+    down = -np.hstack(list(modes.shapes_at(np.array(places) + np.array(moved_m))))  # a little beyond an edge, too
     sensors = sorted(plate.accelerometers, key=lambda sensor: sensor_column(sensor.name))  # as sorted columns are
     at_sensors = modes.shape_at(np.array([[s.x_m, s.y_m] for s in sensors]))
     rods = modes.rod_force[sorted(range(len(modes.rod_force)), key=lambda k: rod_column(k + 1))]

@@ -18,7 +18,7 @@ from common.scene.plate import FlexiblePlate, read_plate
 from common.tables import InputError, refused_in
 from plate_fem.elements.mesh import bending_wavenumber, choose_theory
 from plate_fem.modes import plate_modes
-from recognition.estimation.arrays import Floats
+from recognition.estimation.arrays import Floats, finite
 from recognition.estimation.errors import RecognitionError
 
 LINES_PER_WAVELENGTH = 20  # of the grid of shapes; its cubic splines then err by at most 1e-3 of the largest shape
@@ -141,13 +141,15 @@ class PlateModel:
         """Accelerations (s, t), m/s^2 upwards, under forces (n, t) in N downwards at places (n, 2).
 
         Force k lasts from k to k + 1 sample intervals, and acceleration k belongs to k intervals, where a jump counts
-        half. The plate is at rest before. Exact for such forces.
+        half. The plate is at rest before. Exact for such forces. RecognitionError for what is not finite, or no rate.
         """
+        if not 0 < sample_rate_Hz < np.inf:
+            raise RecognitionError(f"sample_rate_Hz = {sample_rate_Hz:g}; must be finite and > 0")
         acceleration = modal_steps(self, self._modal_force(force_N, places_m), sample_rate_Hz)[2]
         return np.asarray(self.sensor_shape @ acceleration, float)
 
     def _modal_force(self, force_N: Floats, places_m: Floats) -> Floats:
-        places, force = np.atleast_2d(np.asarray(places_m, float)), np.atleast_2d(np.asarray(force_N, float))
+        places, force = (np.atleast_2d(finite(*given, 1)) for given in (("places_m", places_m), ("force_N", force_N)))
         if len(places) != len(force):
             raise RecognitionError(f"{len(force)} forces for {len(places)} places; needs one each")
         return np.asarray(-self.shape(places[:, 0], places[:, 1]).T @ force, float)

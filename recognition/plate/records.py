@@ -7,11 +7,12 @@ import numpy as np
 import pandas as pd
 
 from analysis.files.readers import read_signals
-from analysis.signals.records import Record, RecordError, refuse_scale, sample_rate_Hz
+from analysis.signals.records import READ_AS_S, Record, RecordError, refuse_scale, sample_rate_Hz
 from analysis.signals.resampling import resample
 from common.channels import name_and_unit, sensor_column, unit_of
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
+from recognition.estimation.window import LEAST_SHARE
 from recognition.plate.plate_model import PlateModel
 
 M_S2 = {"m/s^2": 1.0, "mm/s^2": 1e-3, "g": 9.80665}
@@ -58,6 +59,9 @@ def at_rate(table: pd.DataFrame, rate_Hz: float, source: str, anti_alias: bool =
     found_Hz = sample_rate_Hz(table["t_s"].to_numpy(dtype=float), f"{source}: t_s")
     if np.isclose(found_Hz, rate_Hz, rtol=1e-3):
         return table
+    if found_Hz < rate_Hz * LEAST_SHARE:
+        raise RecordError(f"{source}: {found_Hz:.6g} Hz; must be at least {LEAST_SHARE:.0%} of {rate_Hz:.6g} Hz; "
+                          f"{READ_AS_S}")
     records = {name: resample(Record(numbers(table, name, source), found_Hz, name=name), rate_Hz, anti_alias=anti_alias)
                for name in table.columns.drop("t_s")}
     t_s = float(table["t_s"].iloc[0]) + next(iter(records.values())).t_s
@@ -77,7 +81,7 @@ def read_accelerations(path: str | Path, plate: PlateModel, scale: float = 1.0,
     lowest_Hz = float(plate.frequency_Hz[plate.rms_shape > BENDS * plate.rms_shape.max()][0])
     if rate_Hz < 2 * lowest_Hz:
         raise RecognitionError(f"{source}: {rate_Hz:g} samples a second; needs at least {2 * lowest_Hz:g} to show a "
-                               "mode of this plate; t_s must be in s")
+                               f"mode of this plate; {READ_AS_S}")
     return table, np.array([numbers(table, name, source) for name in names]), rate_Hz
 
 

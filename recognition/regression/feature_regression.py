@@ -19,7 +19,7 @@ from analysis.signals.features import FEATURES, sensor_features
 from analysis.signals.records import RecordError
 from analysis.sweep.runs import Run
 from recognition.estimation.answer import Answer
-from recognition.estimation.arrays import Floats
+from recognition.estimation.arrays import Floats, finite, training
 from recognition.estimation.calibration import (
     COVERAGE,
     distance_limits,
@@ -66,7 +66,8 @@ class FeatureRegression(RecordEstimator):
     def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> Self:
         """Intervals and limits of the distances are by what is held out. Raises RecognitionError."""
-        features, y = np.asarray(X, dtype=float)[:, 0], np.asarray(y, dtype=float)
+        every, y = training(X, y, 3)
+        features = every[:, 0]
         conditions = None if nuisance is None else nuisance.to_numpy(dtype=float)
         keys = None if groups is None else np.asarray(groups)
 
@@ -88,7 +89,7 @@ class FeatureRegression(RecordEstimator):
 
     def answer(self, X: Sequence[Floats] | Floats) -> list[Answer]:
         """RecognitionError for another number of features."""
-        for x in X:
+        for x in (X := finite("X", X, 3)):
             if x[0].shape != self.model_.mean.shape:
                 raise RecognitionError(f"{x[0].size} features; the model has {self.model_.mean.size}")
         far = [reason_out_of_distribution(DISTANCES, self.model_.distances(x[0]), self.limits_) for x in X]

@@ -75,10 +75,15 @@ def _design(shape: Floats, motion: Floats) -> Floats:
 def _left(signals: Floats, shape: Floats, motion: Floats) -> tuple[float, Floats]:
     """Sum of squares of what the best motion leaves, and that motion (s, n)."""
     design, values = _design(shape, motion), signals.ravel()
+    fitted = design @ _amplitude(design, values)
+    return float(np.sum((values - fitted) ** 2)), fitted.reshape(signals.shape)
+
+
+def _amplitude(design: Floats, values: Floats) -> Floats:
+    """(2 m,): of the best motion."""
     gram = design.T @ design
     ridge = RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram))
-    fitted = design @ np.linalg.solve(gram + ridge, design.T @ values)
-    return float(np.sum((values - fitted) ** 2)), fitted.reshape(signals.shape)
+    return np.asarray(np.linalg.solve(gram + ridge, design.T @ values), float)
 
 
 def _gains(signals: Floats, shape: Floats, motion: Floats) -> tuple[Floats, float, Floats]:
@@ -109,10 +114,7 @@ def _expected(signals: Floats, plate: PlateModel, motion: Floats, rate_Hz: float
     """Misfit by noise, and by the standard deviations of shapes, frequencies and damping, each mode by the energy that
     it has in the best motion."""
     design, n = _design(plate.sensor_shape, motion), signals.shape[1]
-    gram = design.T @ design
-    ridge = RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram))
-    amplitude = np.linalg.solve(gram + ridge, design.T @ signals.ravel())
-    each = design * amplitude
+    each = design * _amplitude(design, signals.ravel())
     energy = np.sum(each.reshape(len(each), -1, 2).sum(axis=2) ** 2, axis=0)
     omega = 2 * np.pi * plate.frequency_Hz
     drift = omega**2 * (plate.frequency_sd**2 + (plate.damping_ratio * plate.damping_sd) ** 2) * (n / rate_Hz) ** 2 / 12

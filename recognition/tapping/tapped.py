@@ -180,9 +180,9 @@ class TapResult(Result):
 def tap(scene_file: str, taps: str, out: str, max_frequency_Hz: float = 6000.0, uff: str | None = None) -> TapResult:
     """Learn the plate of a scene from taps at known places, and write it to `out` (.json) if they suit it; its modes to
     `uff` as well. Raises RecognitionError, InputError."""
-    refuse_file(out, is_sealed_as(FORMAT))
+    refuse_file(out, is_sealed_as(FORMAT), ".json")
     if uff is not None:
-        refuse_file(uff, is_own)
+        refuse_file(uff, is_own, ".uff")
     if not 0 < max_frequency_Hz < 1e5:
         raise RecognitionError(f"--max-frequency {max_frequency_Hz:g}: must be above 0, below 1e5 Hz")
     with told(f"{scene_file}: modes"):

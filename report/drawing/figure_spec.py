@@ -16,6 +16,21 @@ Drawn = Figure | tuple[Figure, str]
 
 
 @dataclass(frozen=True)
+class FinishedFigure:
+    """A figure as the page shows it. uri: of its SVG, data: packed CSV of its numbers, panels: `data.panels`.
+
+    All three are empty where the runs do not give the figure; the caption then says why.
+    """
+
+    key: str
+    title: str
+    caption: str
+    uri: str = ""
+    data: str = ""
+    panels: str = ""
+
+
+@dataclass(frozen=True)
 class FigureSpec:
     """A figure to draw.
 
@@ -35,33 +50,16 @@ class FigureSpec:
             drawn = self.draw(results)
         return drawn if isinstance(drawn, tuple) else (drawn, "")
 
+    def finished(self, results: object) -> FinishedFigure:
+        """The figure for the page; its caption says why where the runs do not give it."""
+        try:
+            figure, note = self.drawn(results)
+        except MISSING_RESULT as reason:
+            return FinishedFigure(self.key, self.title, f"Not drawn: {reason}")
+        caption, uri = f"{self.caption} {note}".strip(), to_uri(figure, self.key)
+        return FinishedFigure(self.key, self.title, caption, uri, pack_text(to_csv(figure)), panels(figure))
+
 
 def figure(key: str, title: str, caption: str = "", ratios: int = 1) -> Callable[[Callable[..., Drawn]], FigureSpec]:
     """Make a figure of the function below, which draws it."""
     return lambda draw: FigureSpec(key, title, caption, draw, ratios)
-
-
-@dataclass(frozen=True)
-class FinishedFigure:
-    """A figure as the page shows it. uri: of its SVG, data: packed CSV of its numbers, panels: `data.panels`.
-
-    All three are empty where the runs do not give the figure; the caption then says why.
-    """
-
-    key: str
-    title: str
-    caption: str
-    uri: str = ""
-    data: str = ""
-    panels: str = ""
-
-
-def finish_figure(spec: FigureSpec, results: object) -> FinishedFigure:
-    """Draw one figure, or say in its caption why the runs do not give it."""
-    try:
-        figure, note = spec.drawn(results)
-    except MISSING_RESULT as reason:
-        return FinishedFigure(spec.key, spec.title, f"Not drawn: {reason}")
-    caption = f"{spec.caption} {note}".strip()
-    uri = to_uri(figure, spec.key)
-    return FinishedFigure(spec.key, spec.title, caption, uri, pack_text(to_csv(figure)), panels(figure))

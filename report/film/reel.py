@@ -9,7 +9,6 @@ import numpy as np
 
 from analysis import Run
 from analysis.sweep.breakage import Network
-from common.run_summary import RecordedPlate
 from common.scene.plate import wall_box_m
 from report.drawing.lines import envelope
 from report.film.packing import LARGEST, OUTSIDE, pack, pack_moving, quantised
@@ -113,16 +112,11 @@ def _plate(run: Run, film: Film) -> dict[str, Any]:
         "thickness": plate.thickness_m,
         "tilt": np.radians(plate.tilt_deg),
         "rods": [rod.as_json() for rod in rods],
-        "walls": _wall_boxes_m(plate),
+        "walls": [wall_box_m(edge, plate.size_m, height)
+                  for edge, height in plate.wall_height_m.items()] if plate.size_m else [],
         "node": pack(film.node_m, "<f4"),
         "quad": pack(film.quad, "<u4"),
     }
-
-
-def _wall_boxes_m(plate: RecordedPlate) -> list[tuple[float, ...]]:
-    if plate.size_m is None:
-        return []
-    return [wall_box_m(edge, plate.size_m, height) for edge, height in plate.wall_height_m.items()]
 
 
 def _scaled(values: np.ndarray) -> tuple[str, float]:

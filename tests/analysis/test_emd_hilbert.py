@@ -5,7 +5,7 @@ import pytest
 from PyEMD import EMD
 from scipy.interpolate import CubicSpline
 
-from analysis import RecordError, as_record
+from analysis import Record, RecordError, as_record
 from analysis.signals.emd import STOPPING_RULES, decompose
 from analysis.signals.hilbert import hilbert_spectrum, instantaneous, marginal_spectrum
 from analysis.signals.sifting import not_a_knot
@@ -197,3 +197,20 @@ def test_features_leave_out_imfs_that_hold_much_more_energy_than_the_record(tmp_
 def test_complex_numbers_are_no_signal():
     with pytest.raises(RecordError, match="complex numbers"):
         as_record(np.exp(1j * np.arange(9.0)), 1.0)
+
+
+def test_what_gives_no_spectrum_is_refused():
+    x = np.sin(np.arange(400.0))
+    for imf, rate_Hz in ((np.where(x == x.max(), np.nan, x), 1e3), (x, 0.0), (x, np.nan), (x[:0], 1e3),
+                         (np.ones((2, 9)), 1e3)):
+        with pytest.raises(RecordError):
+            instantaneous(imf, rate_Hz)
+    found = decompose(as_record(x, 1e3))
+    for width_Hz in (0.0, np.nan, np.inf, 1e-300):
+        for spectrum in (marginal_spectrum, hilbert_spectrum):
+            with pytest.raises(RecordError, match="bin_width_Hz"):
+                spectrum(found, bin_width_Hz=width_Hz)
+    with pytest.raises(RecordError, match="times = 0"):
+        hilbert_spectrum(found, times=0)
+    with pytest.raises(RecordError, match="t0_s = nan"):
+        Record(x, 1e3, t0_s=np.nan)

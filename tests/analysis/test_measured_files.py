@@ -8,6 +8,7 @@ import pytest
 from analysis import RecordError, read_record
 from analysis.files.readers import read_signals
 from analysis.files.text_tables import read_plain_table, read_text_table
+from analysis.signals.records import sample_rate_Hz, seconds
 from common.files.parquet import read_numbers, write_parquet
 
 T_s = np.arange(6) / 2000.0
@@ -238,6 +239,31 @@ def test_dates_and_an_index_of_times_give_the_rate_in_seconds(tmp_path, begin):
         np.testing.assert_allclose(read_signals(tmp_path / f"{name}.parquet").t_s, np.arange(100) / 1000.0, atol=1e-9)
 
 
+@pytest.mark.parametrize(("rate_Hz", "unit", "decimals"), [
+    (20_000.0, "s", 6), (51_200.0, "s", 6), (51_200.0, "ms", 3), (102_400.0, "s", 6), (8192.0, "s", 5), (2e4, "s", 0)])
+def test_times_rounded_to_few_digits_need_no_rate(rate_Hz, unit, decimals):
+    """A lost sample, one twice, a step to another rate and times that drift are still refused."""
+    even_s = 3.0 + np.arange(4000) / rate_Hz
+    wrong = [np.delete(even_s, k) for k in (1, 1999, 3998)] + [np.insert(even_s, 5, even_s[4])]
+    wrong += [even_s + 0.3 / rate_Hz * (even_s > even_s[2000]), 3 + (even_s - 3) * (1 + 1e-3 * (even_s > even_s[2000])),
+              3 + (even_s - 3) * (1 + 0.1 * (even_s - 3))]
+    size = 1e3 if unit == "ms" else 1.0
+
+    def written(t_s):
+        times = (size * t_s).astype(np.float32) if decimals == 0 else np.round(size * t_s, decimals)
+        return seconds(f"t [{unit}]", times, "x")
+
+    assert sample_rate_Hz(written(even_s), "x") == pytest.approx(rate_Hz, rel=2e-5)
+    for times in wrong:
+        with pytest.raises(RecordError, match="uniform|rise"):
+            sample_rate_Hz(written(times), "x")
+
+
+def test_times_too_coarse_to_show_a_lost_sample_are_refused():
+    with pytest.raises(RecordError, match="uniform"):
+        sample_rate_Hz((np.arange(4000) / 30_000.0).round(5), "x")
+
+
 def test_rounded_times_agree_with_the_rate_that_is_told(tmp_path):
     """At 51.2 kHz to 0.01 and 1 ms, in single precision, and in seconds since 1970; a rate 1 % off, or a lost sample,
     does not agree."""
@@ -247,7 +273,7 @@ def test_rounded_times_agree_with_the_rate_that_is_told(tmp_path):
         pd.DataFrame({"t_s": times, "a_m_s2": samples}).to_parquet(file := tmp_path / f"{k}.parquet")
         record = read_record(file, rate_Hz=rate_Hz)
         assert record.rate_Hz == rate_Hz and record.t0_s == times[0]
-        for wrong_Hz in (None, 1.01 * rate_Hz, 0.0, np.nan, -rate_Hz):
+        for wrong_Hz in (1.01 * rate_Hz, 0.0, np.nan, -rate_Hz):
             with pytest.raises(RecordError, match="uniform|rise"):
                 read_record(file, rate_Hz=wrong_Hz)
     for times in (np.delete(true_s, 9).round(5), 1.7e9 + np.delete(true_s, 9)):

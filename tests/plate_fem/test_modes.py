@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from plates import four_rods, plate, rod
 
-from common.tables import Refused
+from common.tables import InputError, Refused
 from plate_fem import modes as modes_module
 from plate_fem.elements.mesh import bicubics, nodes
 from plate_fem.elements.rods import disc_quadrature, joint_of
-from plate_fem.modes import plate_modes, table_hash
+from plate_fem.modes import energy_left_out, plate_modes, table_hash
 from plate_fem.solution import eigen, model
 
 TABLE = plate(rods=[rod(0.15, 0.1)], max_frequency_Hz=1500.0, theory="kirchhoff")
@@ -25,6 +25,18 @@ def test_shapes_at_nodes_and_cells(modes):
     area = 0.5 * np.sum(x * np.roll(y, -1, 1) - np.roll(x, -1, 1) * y, axis=1)
     assert np.all(area > 0)
     assert area.sum() == pytest.approx(0.25)
+
+
+def test_a_place_off_the_plate_is_refused_and_its_edge_is_not(modes):
+    assert np.isfinite(modes.shape_at([[0.25, -0.25]])).all()
+    for place, message in (([0.251, 0.0], "x = 0.251: must lie on the plate, from -0.25 to 0.25 m"),
+                           ([0.0, np.nan], "y = nan: must lie on the plate"), ([0.0], "points")):
+        with pytest.raises(InputError, match=message):
+            modes.shape_at([place])
+    with pytest.raises(InputError, match="y = 9"):
+        plate_modes(TABLE, None, [[0.0, 9.0]])
+    with pytest.raises(InputError, match="nan Hz"):
+        energy_left_out(np.nan, 1e-4)
 
 
 def test_grid_is_the_shape_and_goes_on_smoothly_beyond_the_edge(modes):
@@ -51,7 +63,7 @@ def test_four_point_interpolation_on_the_grid(modes):
 
 def _on_grid(modes, spacing_m):
     x, y = modes.grid(spacing_m)
-    return x, y, modes.shape_at(nodes(x, y)).reshape(len(x), len(y), -1)
+    return x, y, np.hstack(list(modes.shapes_at(nodes(x, y)))).reshape(len(x), len(y), -1)
 
 
 def _lagrange(x, y, shape, point):

@@ -7,9 +7,10 @@ import pytest
 from plates import plate
 from scipy.integrate import solve_ivp
 
+from common.input_error import InputError
 from dem.deck.plausible import deflection_warnings
 from plate_fem.modes import plate_modes
-from plate_fem.motion import ModalMotion, RecordedMotion
+from plate_fem.motion import ModalMotion, RecordedMotion, pulse_response
 
 FREQUENCY_Hz = np.array([0.0, 0.0, 3.0, 180.0, 181.0, 2345.0, 19900.0])
 
@@ -88,6 +89,24 @@ def test_rows_at_once_are_those_of_single_steps(push):
         assert one.rate == pytest.approx(rate, rel=1e-11, abs=1e-13 * abs(rate).max())
     assert np.array_equal(many.amplitude, states[-1, 0]) and np.array_equal(many.rate, states[-1, 1])
     assert many.damped_J == pytest.approx(one.damped_J, rel=1e-11)
+
+
+@pytest.mark.parametrize("interval_s", [0.0, -1e-6, np.nan, np.inf])
+def test_an_interval_that_is_no_length_of_time_is_refused(interval_s):
+    with pytest.raises(InputError, match="interval_s = .*: must be above 0 and finite"):
+        motion_of(0.01, interval_s)
+
+
+def test_what_is_not_finite_is_refused_and_moves_nothing():
+    motion, bad = motion_of(0.01, 5e-6), np.full(len(FREQUENCY_Hz), np.nan)
+    state = motion.state.copy()
+    for move in (lambda: motion.advance(bad), lambda: motion.advance_rows(bad, 1, 3),
+                 lambda: motion.set_state({"amplitude": bad, "rate": bad})):
+        with pytest.raises(InputError, match="must be finite"):
+            move()
+        assert np.array_equal(motion.state, state)
+    with pytest.raises(InputError, match="count = 1"):
+        pulse_response(motion._modes, 1e-5, 1)
 
 
 def test_predict_is_advance_without_the_change():

@@ -7,6 +7,7 @@ import pytest
 from plates import four_rods, plate
 from statics import pressure_load, static_response
 
+from common.input_error import InputError
 from plate_fem.elements.mesh import bending_stiffness
 from plate_fem.modes import plate_modes, surface_stress_rows
 from plate_fem.solution.model import build_model
@@ -111,3 +112,11 @@ def test_von_mises():
     assert von_mises([100.0, 0.0, 0.0]) == pytest.approx(100.0)
     assert von_mises([100.0, 100.0, 0.0]) == pytest.approx(100.0)
     assert von_mises([[0.0, 0.0, 10.0], [50.0, -50.0, 0.0]]) == pytest.approx([10 * math.sqrt(3), 50 * math.sqrt(3)])
+
+
+def test_what_is_not_finite_is_refused():
+    modes = plate_modes(plate(max_frequency_Hz=600.0))
+    with pytest.raises(InputError, match="amplitude: must be finite"):
+        surface_stress(modes, np.full(len(modes.frequency_Hz), np.nan))
+    with pytest.raises(InputError, match="stress: must be finite"):
+        von_mises([1e6, np.nan, 0.0])

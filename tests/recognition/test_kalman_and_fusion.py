@@ -89,3 +89,29 @@ def test_missing_response_and_unknown_fusion_are_named():
         Fusion("energy").prepare(table().drop(columns="total_J"))
     with pytest.raises(RecognitionError, match="composite"):
         Fusion("all").prepare(table())
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_is_refused(bad):
+    responses = np.random.default_rng(0).standard_normal((4, 3, 20))
+    fusion, spoilt = Fusion("energy").fit(responses), responses.copy()
+    spoilt[1, 2, 3] = bad
+    for use in (lambda: fuse(spoilt), lambda: kalman_filter(spoilt), lambda: fusion.transform(spoilt),
+                lambda: Fusion("energy").fit(spoilt), lambda: fuse(responses, bad), lambda: kalman_filter([1.0, 2.0], bad)):
+        with pytest.raises(RecognitionError, match="finite"):
+            use()
+
+
+@pytest.mark.parametrize("signals", [1.0, [1.0, 2.0], np.empty((2, 0)), np.empty((0, 5)), [["a", "b"]], np.array([[1j, 1]])])
+def test_what_are_no_signals_is_refused(signals):
+    with pytest.raises(RecognitionError, match="signals"):
+        fuse(signals)
+
+
+def test_another_number_of_responses_is_refused():
+    fusion = Fusion("energy")
+    for responses in (np.ones((4, 2, 20)), np.ones((4, 20)), np.ones((0, 3, 20))):
+        with pytest.raises(RecognitionError, match="shape"):
+            fusion.fit(responses)
+    with pytest.raises(RecognitionError, match="at least 0"):
+        fuse(np.ones((2, 5)), -0.1)

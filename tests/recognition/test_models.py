@@ -106,6 +106,19 @@ def test_a_model_is_written_over_a_model_only(sweep_path, tmp_path, capsys):
     assert notes.read_text() == "mine" and [p.name for p in tmp_path.iterdir()] == ["notes.json"]
 
 
+@pytest.mark.parametrize("name", ["model", "model.toml", "model.JSON"])
+def test_a_models_name_ends_in_json(sweep_path, tmp_path, capsys, name):
+    assert main(["fit", str(sweep_path), "--out", str(tmp_path / name)]) == 2
+    assert "the name must end in .json" in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("name", "why"), [("", "no finished run"), ("nowhere", "no such directory")])
+def test_runs_to_fit_that_are_not_there_are_named(tmp_path, capsys, name, why):
+    assert main(["fit", str(tmp_path / name), "--out", str(tmp_path / "x.json")]) == 2
+    told = capsys.readouterr().err
+    assert f"{tmp_path / name}: {why}; needs FAMILY/GROUP/ratio_*" in told and "ratio_* of `gangue sweep`" in told
+
+
 def test_acceleration_alone_is_enough_for_q(model, sweep_path):
     run = read_sweep(sweep_path).runs[RATIOS.index(0.6)]
     answers = model.recognise(run.signals[["t_s", "a_m_s2"]])

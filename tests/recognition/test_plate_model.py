@@ -98,3 +98,9 @@ def test_a_file_comes_back_and_a_damaged_one_is_refused(model, tmp_path):
 def test_a_place_beside_the_plate_is_refused(model):
     with pytest.raises(RecognitionError, match="x_m = 0.3"):
         model.shape(np.array([0.3]), np.array([0.0]))
+
+
+def test_forces_that_are_not_finite_and_no_rate_are_refused(model):
+    for force, place, rate_Hz in ((np.nan, 0.0, 1e4), (1.0, np.inf, 1e4), (1.0, 0.0, 0.0), (1.0, 0.0, -1.0), (1.0, 0.0, np.nan)):
+        with pytest.raises(RecognitionError, match="finite"):
+            model.response([[force, 0.0]], [[place, 0.0]], rate_Hz)

@@ -99,3 +99,13 @@ def test_a_model_is_of_runs_that_all_passed_a_filter_or_none():
     assert [Window.of([run]).anti_alias for run in runs] == [False, True]
     with pytest.raises(RecognitionError, match="run_2/run.json: scene.time.anti_alias = True; must be as in run_1, False"):
         Window.of(runs)
+
+
+def test_a_rate_far_below_the_models_tells_of_the_unit_of_times():
+    """Milliseconds in a column `t` would be 8 Hz, which could be resampled to what no sensor felt."""
+    table = pd.DataFrame({"t_s": 1e3 * T_s, "acc_A_m_s2": X})
+    for use in (lambda: at_rate(table, 20_000 / 3, "x"), lambda: Window(20_000 / 3, 100).cut(table, "x")):
+        with pytest.raises(RecordError, match=r"x: 8 Hz; .*read in s: a column in ms must be called t \[ms\]"):
+            use()
+    with pytest.raises(RecordError, match="8000 Hz; the model needs 6666.67 Hz; --resample goes to it"):
+        Window(20_000 / 3, 100).cut(table.assign(t_s=T_s), "x")

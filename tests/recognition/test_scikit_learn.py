@@ -12,7 +12,7 @@ from sklearn.utils.estimator_checks import check_estimator
 
 from analysis import read_sweep
 from lab.recognition.baselines import EstimatorMethod
-from recognition import Fusion, FusionPipeline, FusionQ, Rule, Strategy
+from recognition import Fusion, FusionPipeline, FusionQ, RecognitionError, Rule, Strategy
 from recognition.regression.feature_regression import FeatureRegression
 from tests.analysis.synthetic import write_sweep
 
@@ -83,3 +83,19 @@ def test_a_clone_is_not_fitted_and_learns_the_same(kind, features):
     copy = clone(method)
     assert not [name for name in vars(copy) if name.endswith("_")]
     np.testing.assert_allclose(copy.fit(X, RATIOS).predict(X), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [k for k in MADE if k is not EstimatorMethod], ids=lambda kind: kind.__name__)
+def test_what_is_not_finite_or_of_another_length_is_refused(kind):
+    """In features and ratios, in training, prediction and answer."""
+    shape = (11, 1, 3, 20) if kind is FusionPipeline else (11, 1, 8)
+    X = np.random.default_rng(1).normal(0, 0.01, shape) + RATIOS.reshape(-1, *[1] * (len(shape) - 1))
+    method, spoilt = MADE[kind]().fit(X, RATIOS), np.where(X == X.max(), np.nan, X)
+    for use in (lambda: MADE[kind]().fit(spoilt, RATIOS), lambda: MADE[kind]().fit(X, np.where(RATIOS > 0.9, np.nan, RATIOS)),
+                lambda: method.predict(spoilt), lambda: method.answer(spoilt)):
+        with pytest.raises(RecognitionError, match="every value must be finite"):
+            use()
+    for use in (lambda: MADE[kind]().fit(X, RATIOS[:4]), lambda: MADE[kind]().fit(X[:0], RATIOS[:0]),
+                lambda: MADE[kind]().fit(X[:, 0, ..., 0].reshape(11, -1), RATIOS)):
+        with pytest.raises(RecognitionError, match="shape"):
+            use()

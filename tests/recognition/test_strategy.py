@@ -150,3 +150,16 @@ def test_deleting_singular_points_can_prefer_a_wrong_candidate():
 def test_an_unknown_judge_is_named():
     with pytest.raises(RecognitionError, match="truncated"):
         Strategy(judge="best").fit(quadratic_curves(RATIOS), RATIOS)
+
+
+def test_what_is_not_finite_or_of_another_length_is_refused():
+    ratios = np.linspace(0, 1, 6)
+    curves = np.column_stack([ratios, 0.5 + 0.5 * ratios])
+    strategy = Strategy(Rule(degree=1)).fit(curves, ratios)
+    for use in (lambda: strategy.fit(np.where(curves == 0.2, np.nan, curves), ratios), lambda: strategy.predict([np.nan, 0.65]),
+                lambda: strategy.fit(curves, np.where(ratios == 0.2, np.inf, ratios))):
+        with pytest.raises(RecognitionError, match="every value must be finite"):
+            use()
+    for wrong in ((curves, ratios[:4]), (curves[:0], ratios[:0]), (curves[:, 0], ratios)):
+        with pytest.raises(RecognitionError, match="shape"):
+            Rule(degree=1).fit(*wrong)

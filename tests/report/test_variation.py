@@ -12,7 +12,6 @@ from analysis import read_run, read_sweep
 from report.breakage.claims import BREAKAGE_STATEMENTS
 from report.breakage.figures import BREAKAGE_FIGURES, broken_areas
 from report.drawing.data import to_csv
-from report.drawing.figure_spec import finish_figure
 from report.missing import MissingResult
 from report.sweep_results import SweepResults
 from report.variation import one_stone, varying
@@ -70,7 +69,7 @@ def test_a_sweep_stands_beside_draws_with_their_mean_deviation_and_rank(paper):
 def test_breakage_of_one_draw_says_that_its_spread_is_not_known(paper):
     results = SweepResults(read_sweep(paper))
     for spec in BREAKAGE_FIGURES:
-        assert finish_figure(spec, results).caption.lower().endswith("one draw: no spread known.")
+        assert spec.finished(results).caption.lower().endswith("one draw: no spread known.")
     claims = check_statements(results, BREAKAGE_STATEMENTS)
     assert all(claim.value.endswith("one draw: no spread known") for claim in claims if claim.verdict != NOT_TESTED)
     assert sum(claim.verdict != NOT_TESTED for claim in claims) >= 5
@@ -86,7 +85,7 @@ def test_breakage_of_several_draws_has_their_deviation(paper):
         table = pd.read_parquet(other / "breakage.parquet")
         table.assign(area_m2=table["area_m2"] / 2).to_parquet(other / "breakage.parquet")
     results = SweepResults(read_sweep(paper))
-    assert all(finish_figure(spec, results).caption.endswith("2 draws a ratio.") for spec in BREAKAGE_FIGURES)
+    assert all(spec.finished(results).caption.endswith("2 draws a ratio.") for spec in BREAKAGE_FIGURES)
     table = pd.read_csv(io.StringIO(to_csv(broken_areas.drawn(results)[0])), comment="#")
     area = table[(table["panel"] == "crack area of one stone, cm²") & (table["x"] == 50)].set_index("series")["y"]
     first, second = (1e4 * 3e-6 * round(0.9 * BROKEN_BONDS["coal"]) * share for share in (1, 0.5))

@@ -174,7 +174,7 @@ def test_a_record_with_times_in_ms_is_refused(tmp_path):
     pd.DataFrame(table).to_csv(tmp_path / "ms.csv", index=False)
     told = ends_with_one_line(recognition.__main__.main, ["check", tmp_path / "ms.csv", "--plate",
                                                           tmp_path / "plate.json"])
-    assert "20 samples a second" in told and "t_s must be in s" in told
+    assert "20 samples a second" in told and "read in s: a column in ms must be called t [ms]" in told
 
 
 @pytest.mark.parametrize("fault", ['RuntimeError("can\'t start new thread")', "MemoryError()",
