@@ -9,6 +9,7 @@ import pandas as pd
 
 from analysis.signals.records import Record, sample_rate_Hz
 from analysis.signals.resampling import resample
+from analysis.signals.records import READ_AS_S
 from common.channels import rod_column, sensor_column
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
@@ -103,7 +104,7 @@ def sensors_of(columns: Sequence[str], rate_Hz: float, plate: PlateModel, source
     if np.isnan(rate_Hz) or not here:
         raise RecognitionError(f"{source}: needs columns 't_s' and at least one of {', '.join(names)}")
     if rate_Hz < RATE_Hz * (1 - RATE_SHARE):
-        raise RecognitionError(f"{source}: {rate_Hz:.6g} Hz; needs at least {RATE_Hz:g}")
+        raise RecognitionError(f"{source}: {rate_Hz:.6g} Hz; needs at least {RATE_Hz:g}; {READ_AS_S}")
     return Channels(tuple(here), tuple(rods)), [names[k] for k in here] + [rod_column(k + 1) for k in rods]
 
 
