@@ -7,9 +7,8 @@ from time import process_time
 import numpy as np
 import pandas as pd
 
-from analysis.signals.records import Record, sample_rate_Hz
+from analysis.signals.records import READ_AS_S, Record, sample_rate_Hz
 from analysis.signals.resampling import resample
-from analysis.signals.records import READ_AS_S
 from common.channels import rod_column, sensor_column
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
