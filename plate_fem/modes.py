@@ -189,8 +189,8 @@ def plate_modes(
     residual_points_m (k, 2): where loads act. Up to k modes above `max_frequency_Hz` are added, which give these
     points the static compliance of all the modes left out (plate_fem/solution/eigen.py), and one for each rod, with
     which the rods bear their exact share of a steady force anywhere. Without it there are none.
-    Raises ValueError for a table without `max_frequency_Hz`, InputError for points off the plate, and Refused for one
-    with too many cells or modes, or whose numbers are so extreme that they cannot be found.
+    Raises InputError for points off the plate, and Refused for a table without `max_frequency_Hz`, with too many cells
+    or modes, or whose numbers are so extreme that they cannot be found.
 
     >>> plate = FlexiblePlate(size_m=(1.0, 1.0), thickness_m=0.01, edges="simply_supported",
     ...     density_kg_m3=7830.0, youngs_modulus_Pa=2.07e11, poisson_ratio=0.3, damping_ratio=0.0, max_frequency_Hz=60)

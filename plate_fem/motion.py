@@ -19,7 +19,7 @@ import numpy as np
 
 from common.files.whole import written_whole
 from common.tables import InputError
-from plate_fem.modes import PlateModes
+from plate_fem.modes import AT_ONCE, PlateModes
 
 ANYWHERE_m = 1e9  # reach of a plate that nothing holds
 
@@ -288,13 +288,19 @@ class RecordedMotion:
     def deflection_m(self, from_mean_plane: bool, least_m: float) -> float:
         """The largest deflection of a node from rest or, of a plate that may move as a whole, from its mean plane; 0
         where none is above least_m."""
-        shape = np.asarray(self.modes.shape, float)
-        if from_mean_plane:
-            plane = np.column_stack([np.ones(len(shape)), self.modes.node_m])
-            shape = shape - plane @ np.linalg.lstsq(plane, shape, rcond=None)[0]
-        amplitude = self.amplitude[abs(self.amplitude) @ abs(shape).max(axis=0) > least_m]
-        largest_m = max((float(abs(shape @ some.T).max()) for some in np.split(
-            amplitude, range(ModalMotion.ROWS, len(amplitude), ModalMotion.ROWS)) if len(some)), default=0.0)
+        plane = np.column_stack([np.ones(len(self.modes.node_m)), self.modes.node_m]) * from_mean_plane
+        to_plane, shape = np.linalg.pinv(plane), self.modes.shape
+        some = [slice(k, k + AT_ONCE) for k in range(0, shape.shape[1], AT_ONCE)]  # all at once may fill much memory
+
+        def bent(modes: slice) -> np.ndarray:
+            own = np.asarray(shape[:, modes], float)
+            return own - plane @ (to_plane @ own)
+
+        most = np.concatenate([abs(bent(modes)).max(axis=0) for modes in some])
+        far = np.asarray(self.amplitude[abs(self.amplitude) @ most > least_m], float)
+        blocks = (far[k:k + ModalMotion.ROWS] for k in range(0, len(far), ModalMotion.ROWS))
+        largest_m = max((float(abs(sum(bent(modes) @ block[:, modes].T for modes in some)).max()) for block in blocks),
+                        default=0.0)
         return largest_m if largest_m > least_m else 0.0
 
     def at(self, points_m: Sequence[Sequence[float]]) -> dict[str, np.ndarray]:

@@ -18,13 +18,11 @@ if TYPE_CHECKING:
 def refuse_export(out: Path) -> None:
     """Raises InputError for a file that `export` cannot write, or must not: such a table holds no mark of its writer,
     which another program would read as a row, so that what is there is never replaced."""
-    if out.suffix not in (".csv", ".xlsx"):
-        raise InputError(f"--out = {out}: the name must end in .csv or .xlsx")
-    if out.suffix == ".xlsx" and find_spec("openpyxl") is None:
-        raise InputError(f"--out = {out}: needs the package openpyxl (pip install openpyxl)")
     if out.exists():
         raise InputError(f"--out = {out}: is there; move it away or choose another name")
-    refuse_file(str(out), lambda _: False, out.suffix)
+    refuse_file(str(out), lambda _: False, ".csv", ".xlsx")
+    if out.suffix == ".xlsx" and find_spec("openpyxl") is None:
+        raise InputError(f"--out = {out}: needs the package openpyxl (pip install openpyxl)")
 
 
 def export(tables: Mapping[str, pd.DataFrame], out: Path) -> None:

@@ -225,15 +225,15 @@ def _is_still(lock: int, file: Path) -> bool:
         return False
 
 
-def refuse_file(out: str, is_own: IsOwn, ending: str) -> None:
+def refuse_file(out: str, is_own: IsOwn, *endings: str) -> None:
     """Raises InputError for an `--out` that cannot become a file of this program: one that ends in no name or has
     another ending, whose directory is not there, or where there is something that `refuse_foreign_file` refuses."""
     refuse_bytes(out)
     file = Path(out)
     if out.endswith("/") or file.name in ("", ".."):
         raise InputError(f"--out = {out}: must be the name of a file")
-    if file.suffix != ending:
-        raise InputError(f"--out = {out}: the name must end in {ending}")
+    if file.suffix not in endings:
+        raise InputError(f"--out = {out}: the name must end in {' or '.join(endings)}")
     if not file.parent.is_dir():
         raise InputError(f"--out = {out}: there is no directory {file.parent}")
     refuse_foreign_file(file, is_own)

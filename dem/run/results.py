@@ -40,7 +40,7 @@ from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly, density_kg_m3
 from dem.stones.stone import material_of, plate_contact
 from plate_fem.modes import energy_left_out
-from plate_fem.motion import FILE
+from plate_fem.motion import FILE, RecordedMotion
 
 _log = logging.getLogger(__name__)
 # Of the bodies that were taken out when they had left the plate for good, in order of time.
@@ -51,7 +51,7 @@ LEFT = {"agglomerate": int, "subspheres": int, **dict.fromkeys((
 @dataclass(frozen=True)
 class Results:
     """The tables of a run. `pushes` on the plate are those of the engine; `stone_mass_kg` (stones,);
-    `energy` is that of dem.record.energy_balance.energy_ledger; `walls` that of `read_walls`."""
+    `energy` is that of dem.record.energy_balance.energy_ledger; `walls` that of `read_walls`; `motion` the plate's."""
 
     events: Columns
     fast: Columns
@@ -60,7 +60,8 @@ class Results:
     ledger: StoneLedger
     stone_mass_kg: np.ndarray
     energy: dict[str, Any]
-    walls: Columns | None = None
+    walls: Columns | None
+    motion: RecordedMotion | None
 
 
 def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun, plate: PlateOfRun) -> Results:
@@ -75,7 +76,8 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     write_parquet(fast, file("fast.parquet"))
     signals = samples_of(fast, step.sample_steps // step.fast_steps, scene.time.anti_alias)
     write_parquet(signals, file("signals.parquet"))
-    if (motion := plate.recorded_motion()) is not None:
+    motion = plate.recorded_motion()
+    if motion is not None:
         motion.write(file(FILE))
     write_parquet(events, file("breakage.parquet"))
     contacts = read_contacts(deck / "contacts.bin", step.dt_s)
@@ -94,14 +96,14 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     write_parquet(energy_table(parts, ledger, step.dt_s), file("energy.parquet"))
     energy = energy_ledger(parts, plate.energy(), ledger.has_entered[-1] * assembly.kinetic_start_J)
     check_closure(energy)
-    return Results(events, fast, signals, pushes, ledger, assembly.stone_mass_kg, energy, walls)
+    return Results(events, fast, signals, pushes, ledger, assembly.stone_mass_kg, energy, walls, motion)
 
 
 def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
     """The fields of common.run_summary.RunSummary that follow from a run and its results."""
     outcome = _outcome(prepared, plate, results)
     late = warned(prepared.source, [*momentum_warnings(outcome.get("momentum_missing")),
-                                     *deflection_warnings(prepared.scene.plate, plate.recorded_motion())])
+                                     *deflection_warnings(prepared.scene.plate, results.motion)])
     return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results), **outcome,
             "warnings": prepared.warnings + late}
 

@@ -235,9 +235,9 @@ def bending_wavenumber(plate: FlexiblePlate, frequency_Hz: float, theory: str) -
 
 def highest_frequency_Hz(plate: FlexiblePlate) -> float:
     """Return `max_frequency_Hz` of a plate. Raises Refused if its table leaves it to the stones, or a copy has none."""
-    if not 0 < (frequency_Hz := plate.max_frequency_Hz or 0.0) < math.inf:
-        raise Refused("max_frequency_Hz", frequency_Hz, "must be above 0, or found by error_laws.with_cut_off")
-    return frequency_Hz
+    if plate.max_frequency_Hz is None or not 0 < plate.max_frequency_Hz < math.inf:
+        raise Refused("max_frequency_Hz", plate.max_frequency_Hz, "must be above 0; error_laws.with_cut_off finds it")
+    return plate.max_frequency_Hz
 
 
 def kirchhoff_error(plate: FlexiblePlate) -> float:
