@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 def refuse_export(out: Path) -> None:
     """Raises InputError for a file that `export` cannot write, or must not: such a table holds no mark of its writer,
     which another program would read as a row, so that what is there is never replaced."""
+    refuse_file(str(out), lambda _: True, ".csv", ".xlsx")
     if out.exists():
         raise InputError(f"--out = {out}: is there; move it away or choose another name")
-    refuse_file(str(out), lambda _: False, ".csv", ".xlsx")
     if out.suffix == ".xlsx" and find_spec("openpyxl") is None:
         raise InputError(f"--out = {out}: needs the package openpyxl (pip install openpyxl)")
 
