@@ -12,11 +12,8 @@
 #include "flight/known_in_flight.h"
 #include "fix_contact_history.h"
 #include "base/fixes.h"
-#include "force.h"
 #include "group.h"
-#include "neigh_list.h"
 #include "output.h"
-#include "pair.h"
 #include "interfaces/stone_stream.h"
 #include "update.h"
 #include "flight/verlet_free_flight.h"
@@ -26,15 +23,17 @@ using namespace FixConst;
 
 FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg) {
   std::string agglomerates, unheld;
+  double gravity = 0;
+  FlightRules rules;
   FixInput(lmp, this)
       .text("agglomerates", agglomerates)
-      .number("gravity", gravity_, Allowed::FROM_0)
+      .number("gravity", gravity, Allowed::FROM_0)
       .direction("down", down_)
-      .number("speed", speed_, Allowed::ABOVE_0)
-      .number("tolerance", tolerance_, Allowed::ABOVE_0)
+      .number("speed", rules.speed, Allowed::ABOVE_0)
+      .number("tolerance", rules.tolerance, Allowed::ABOVE_0)
       .whole("every", nevery, 1)
       .text("unheld", unheld)
-      .whole("least_fragment", least_fragment_, 0)
+      .whole("least_fragment", rules.least_fragment, 0)
       .number("body_skin", body_skin_, Allowed::FROM_0)
       .read(arg, 3, narg, {"agglomerates", "speed", "tolerance", "every", "unheld"});
   const FixInput input(lmp, this);
@@ -43,10 +42,11 @@ FixFreeFlight::FixFreeFlight(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   unheld_ = group->bitmask[group->find(unheld.c_str())];
   if (comm->nprocs > 1) input.refuse("works on one rank only; `time.free_flight_tolerance = 0` leaves it out");
   note_radii();
+  rules.weight = weight_ = gravity * down_;
+  rules.every = nevery;
   agglomerates_ = std::make_unique<Agglomerates>(lmp, this, agglomerates);
-  calm_.assign(agglomerates_->tags() + 1, 0);
-  still_ = calm_;
-  held_ = std::make_unique<HeldBodies>(lmp, weight(), speed_, tolerance_, agglomerates_->tags(), unheld_);
+  held_ = std::make_unique<HeldBodies>(lmp, weight_, rules.speed, rules.tolerance, agglomerates_->tags(), unheld_);
+  looks_ = std::make_unique<FreeFlightLooks>(lmp, rules, *agglomerates_, *held_, bodies_);
   create_attribute = 1;
   force_reneighbor = 1;
   next_reneighbor = -1;
@@ -73,10 +73,10 @@ void FixFreeFlight::init() {
   if (!dynamic_cast<VerletFreeFlight *>(update->integrate)) input.refuse("needs the run style that it sets");
   bonds_ = fix_that_is<BodyMaker>(modify);
   plate_ = fix_that_is<Obstacle>(modify);
-  walls_ = fixes_that_are<SideWall>(modify);
   stream_ = fix_that_is<StoneStream>(modify);
   agglomerates_->init();
-  refuse_what_free_flight_does_not_know(lmp, this, unheld_, weight());
+  looks_->init();
+  refuse_what_free_flight_does_not_know(lmp, this, unheld_, weight_);
   history_ = nullptr;
   for (FixContactHistory *history : fixes_that_are<FixContactHistory>(modify))
     if (std::strcmp(history->style, "contacthistory") == 0) history_ = history;
@@ -86,14 +86,19 @@ void FixFreeFlight::init() {
 }
 
 void FixFreeFlight::setup(int) {
-  law_ = std::make_unique<HertzLaw>(lmp);
-  largest_modulus_ = law_->largest_modulus(atom);
-  std::fill(calm_.begin(), calm_.end(), 0);
-  still_ = calm_;
-  if (plate_) std::copy(plate_->extent(), plate_->extent() + 4, outline_.extent);
-  outline_.patch_height = plate_ ? plate_->patch_height() : 0;
-  outline_.reach = -1;  // none known
+  looks_->setup();
   next_reneighbor = -1;
+}
+
+void FixFreeFlight::end_of_step() {
+  for (auto &b : bodies_) b->go_to(update->ntimestep);
+  check_count();
+  if (looks_->look()) next_reneighbor = update->ntimestep + 1;
+}
+
+void FixFreeFlight::final_integrate() {
+  const bool let_go = held_->push();
+  if (looks_->watch_plate() || let_go) next_reneighbor = update->ntimestep + 1;
 }
 
 // Bodies in flight, which may be all of a type, are not in the arrays when a resumed run is set up. LIGGGHTS asks for
@@ -119,8 +124,6 @@ int FixFreeFlight::max_type() {
   while (type > 0 && greatest_radius_[type] == 0) type--;
   return type;
 }
-
-int FixFreeFlight::body_of(int tag) const { return bonds_ ? bonds_->body_of_tag()[tag] : tag; }
 
 /* --- what there is ------------------------------------------------------------------------------------------- */
 
@@ -209,13 +212,12 @@ void FixFreeFlight::remove_leaving() {
 // Appends the sub-spheres of the body as they are at its present step, with the velocities of `half_step` seconds
 // before: within a step, velocity Verlet has those of the half step. Returns how many sub-spheres it appended.
 int FixFreeFlight::put_in_arrays(FreeBody &b, double half_step) {
-  const Vec down = weight();
   for (const FreeBody::Part &p : b.parts) {
     atom->avec->unpack_exchange(&b.packed[p.packed]);
     const int i = atom->nlocal - 1;
     const FreeBody::State s = b.state(p);
     s.x.to(atom->x[i]);
-    (s.v - half_step * (s.acceleration + down)).to(atom->v[i]);
+    (s.v - half_step * (s.acceleration + weight_)).to(atom->v[i]);
     (s.omega - half_step * s.spin_acceleration).to(atom->omega[i]);
     if (bonds_) bonds_->rotate(i, b.attitude());
     for (int k = 0; history_ && k < history_->n_partner(i); k++) {
@@ -272,7 +274,7 @@ bigint FixFreeFlight::next_event() const {
   if (stream_) event = std::min(event, stream_->next_entry());
   bigint safe = FAR_AHEAD;
   for (auto &b : bodies_) safe = std::min(safe, b->safe_until);
-  event = std::min(event, std::max(next_multiple(nevery), (safe - horizon()) / nevery * nevery));
+  event = std::min(event, std::max(next_multiple(nevery), (safe - looks_->horizon()) / nevery * nevery));
   for (int k = 0; k < modify->nfix; k++) {
     Fix *fix = modify->fix[k];
     if (fix == this) continue;
@@ -289,7 +291,7 @@ double FixFreeFlight::compute_scalar() {
   return count;
 }
 
-double FixFreeFlight::compute_vector(int n) { return n == 0 ? jumped_ : departures_; }
+double FixFreeFlight::compute_vector(int n) { return n == 0 ? jumped_ : looks_->departures(); }
 
 /* --- checkpoint: bodies that are away stay away -------------------------------------------------------------- */
 
@@ -301,26 +303,16 @@ void FixFreeFlight::begin_anew() {
 void FixFreeFlight::save(CheckpointWriter &out) {
   std::vector<double> row;
   for (const auto &b : bodies_) b->append_to(row);
-  out.common("free_flight", {static_cast<double>(bodies_.size()), outline_.reach, static_cast<double>(jumped_),
-                             static_cast<double>(departures_)});
-  std::vector<double> calm;
-  agglomerates_->each_near_tag([&](int tag) {
-    if (calm_[tag] != 0 || still_[tag] != 0) calm.insert(calm.end(), {tag + 0.0, calm_[tag] + 0.0, still_[tag] + 0.0});
-  });
-  out.rows("free_flight_calm", calm);
+  out.common("free_flight", {static_cast<double>(bodies_.size()), static_cast<double>(jumped_)});
+  looks_->save(out);
   out.rows("free_flight_bodies", row);
   held_->save(out);
 }
 
 void FixFreeFlight::restore(const CheckpointReader &in) {
-  const std::vector<double> &numbers = in.common("free_flight", 4), &calm = in.rows("free_flight_calm", 3);
-  outline_.reach = numbers[1];
-  jumped_ = static_cast<bigint>(numbers[2]);
-  departures_ = static_cast<bigint>(numbers[3]);
-  for (size_t k = 0; k < calm.size(); k += 3) {
-    const int tag = static_cast<int>(calm[k]);
-    calm_[tag] = static_cast<int>(calm[k + 1]), still_[tag] = static_cast<int>(calm[k + 2]);
-  }
+  const std::vector<double> &numbers = in.common("free_flight", 2);
+  jumped_ = static_cast<bigint>(numbers[1]);
+  looks_->restore(in);
   bodies_.clear();
   held_->restore(in);
   const double *row = in.rows("free_flight_bodies", 1).data();

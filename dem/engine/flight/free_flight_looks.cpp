@@ -1,4 +1,5 @@
-// The looks of fix free_flight, each N steps: which bodies leave the arrays, which come back, and which are held.
+#include "flight/free_flight_looks.h"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -6,8 +7,9 @@
 #include <utility>
 
 #include "atom.h"
-#include "flight/fix_free_flight.h"
+#include "base/fixes.h"
 #include "force.h"
+#include "interfaces/checkpoint_file.h"
 #include "neigh_list.h"
 #include "pair.h"
 #include "flight/reach_pairs.h"
@@ -32,28 +34,50 @@ const double CLEARANCE_M = 1e-5;
 }  // namespace
 
 // What one look sees: the bodies in the arrays, then those in free flight, and who of them could meet soon.
-struct FixFreeFlight::Look {
+struct FreeFlightLooks::Look {
   std::vector<ArrayBody> in_arrays;
   std::vector<Outline *> all;
   std::unique_ptr<ReachPairs> pairs;
   bool is_in_arrays(size_t k) const { return k < in_arrays.size(); }
 };
 
-// Steps until the next look has been acted on, and the plate has been asked where it is, at its next message.
-int FixFreeFlight::horizon() const { return nevery + 2 + (plate_ ? plate_->longest_message() : 0); }
+FreeFlightLooks::FreeFlightLooks(LAMMPS *lmp, const FlightRules &rules, const Agglomerates &agglomerates,
+                                 HeldBodies &held, Bodies &bodies)
+    : Pointers(lmp), rules_(rules), agglomerates_(agglomerates), held_(held), bodies_(bodies),
+      calm_(agglomerates.tags() + 1, 0), still_(calm_) {}
 
-double FixFreeFlight::horizon_s() const { return horizon() * update->dt; }
+void FreeFlightLooks::init() {
+  bonds_ = fix_that_is<BodyMaker>(modify);
+  plate_ = fix_that_is<Obstacle>(modify);
+  walls_ = fixes_that_are<SideWall>(modify);
+  stream_ = fix_that_is<StoneStream>(modify);
+}
 
-double FixFreeFlight::unforeseen_s() const { return UNFORESEEN_LOOKS * nevery * update->dt; }
+void FreeFlightLooks::setup() {
+  law_ = std::make_unique<HertzLaw>(lmp);
+  largest_modulus_ = law_->largest_modulus(atom);
+  std::fill(calm_.begin(), calm_.end(), 0);
+  still_ = calm_;
+  if (plate_) std::copy(plate_->extent(), plate_->extent() + 4, outline_.extent);
+  outline_.patch_height = plate_ ? plate_->patch_height() : 0;
+  outline_.reach = -1;  // none known
+}
+
+// The next look, and its answer by the plate, which is asked where it is at its next message.
+int FreeFlightLooks::horizon() const { return rules_.every + 2 + (plate_ ? plate_->longest_message() : 0); }
+
+double FreeFlightLooks::horizon_s() const { return horizon() * update->dt; }
+
+double FreeFlightLooks::unforeseen_s() const { return UNFORESEEN_LOOKS * rules_.every * update->dt; }
 
 // How long a body that leaves must touch nothing.
-double FixFreeFlight::rest_s() const { return std::max(LEAST_REST * nevery, horizon() + nevery) * update->dt; }
+double FreeFlightLooks::rest_s() const {
+  return std::max(LEAST_REST * rules_.every, horizon() + rules_.every) * update->dt;
+}
 
-void FixFreeFlight::end_of_step() {
-  for (auto &b : bodies_) b->go_to(update->ntimestep);
-  check_count();
+bool FreeFlightLooks::look() {
   Look look;
-  look.in_arrays = bodies_in_arrays(atom, agglomerates_->tags(), [this](int tag) { return body_of(tag); });
+  look.in_arrays = bodies_in_arrays(atom, agglomerates_.tags(), [this](int tag) { return body_of(tag); });
   for (ArrayBody &b : look.in_arrays) find_surface(b);
   update_reach();
   if (stream_) take_out_those_that_left();
@@ -61,16 +85,16 @@ void FixFreeFlight::end_of_step() {
   for (auto &b : bodies_) look.all.push_back(b.get());
   find_pairs(look);
   watch_bodies_in_flight(look);
-  held_->count_still(look.in_arrays);
+  held_.count_still(look.in_arrays);
   let_calm_bodies_depart(look);
-  if (held_->choose(look.in_arrays, [&](ArrayBody &b, double limit_N) { return is_gentle(look, b, limit_N); }))
-    next_reneighbor = update->ntimestep + 1;
-  for (auto &b : bodies_)
-    if (b->is_leaving || b->is_waking) next_reneighbor = update->ntimestep + 1;
+  bool changes = held_.choose(look.in_arrays,
+                              [&](ArrayBody &b, double limit_N) { return is_gentle(look, b, limit_N); });
+  for (auto &b : bodies_) changes |= b->is_leaving || b->is_waking;
+  return changes;
 }
 
-void FixFreeFlight::find_surface(ArrayBody &b) const {
-  b.agglomerate = agglomerates_->of_tag(b.label);
+void FreeFlightLooks::find_surface(ArrayBody &b) const {
+  b.agglomerate = agglomerates_.of_tag(b.label);
   if (!plate_) return;
   std::vector<int> tags;
   for (const int i : b.atoms) tags.push_back(atom->tag[i]);
@@ -83,45 +107,45 @@ void FixFreeFlight::find_surface(ArrayBody &b) const {
   b.radius = std::max(b.radius, norm(b.own_surface.x) + b.own_surface.outer);
 }
 
-bool FixFreeFlight::is_pushed(int label) const {
+bool FreeFlightLooks::is_pushed(int label) const {
   for (int k = 0; k < modify->nfix; k++)
     if (const auto *acts = dynamic_cast<ActsInFreeFlight *>(modify->fix[k]))
       if (acts->pushes(label)) return true;
   return false;
 }
 
-double FixFreeFlight::time_to_obstacle(Outline &b) const {
-  double time = plate_ ? time_to_plate(b, outline_, weight()) : std::numeric_limits<double>::infinity();
-  for (const SideWall *wall : walls_) time = std::min(time, time_to_wall(b, wall->outline(), weight()));
+double FreeFlightLooks::time_to_obstacle(Outline &b) const {
+  double time = plate_ ? time_to_plate(b, outline_, rules_.weight) : std::numeric_limits<double>::infinity();
+  for (const SideWall *wall : walls_) time = std::min(time, time_to_wall(b, wall->outline(), rules_.weight));
   return time;
 }
 
 // The times found so far hold as long as the plate keeps within the reach with which they were found.
-void FixFreeFlight::update_reach() {
+void FreeFlightLooks::update_reach() {
   const double reach = plate_ ? plate_->reach() : 0;
   if (reach <= outline_.reach && outline_.reach <= 2 * REACH_MARGIN * (reach + CLEARANCE_M)) return;
   outline_.reach = REACH_MARGIN * (reach + CLEARANCE_M);
   for (auto &b : bodies_) b->safe_until = 0;
 }
 
-// The plate may have been struck since the last look.
-void FixFreeFlight::final_integrate() {
-  if (held_->push()) next_reneighbor = update->ntimestep + 1;
-  if (bodies_.empty() || !plate_ || plate_->reach() <= outline_.reach) return;
+bool FreeFlightLooks::watch_plate() {
+  if (bodies_.empty() || !plate_ || plate_->reach() <= outline_.reach) return false;
   update_reach();
   for (auto &b : bodies_) b->go_to(update->ntimestep);
+  bool changes = false;
   for (auto &b : bodies_) {
     if (b->is_leaving || b->is_waking) continue;
     find_safe_until(*b);
     b->is_waking = b->safe_until < update->ntimestep + horizon();
-    if (b->is_waking) next_reneighbor = update->ntimestep + 1;
+    changes |= b->is_waking;
   }
+  return changes;
 }
 
 // Finds until when the body touches neither the plate nor a wall nor another body in free flight. That other body
 // notes the time of the meeting as well, since it may have left the arrays first. The plate's motion is not known
 // ahead, so the plate is asked more often than other bodies.
-void FixFreeFlight::find_safe_until(FreeBody &body) {
+void FreeFlightLooks::find_safe_until(FreeBody &body) {
   auto step_after = [this](double time) {
     return update->ntimestep + static_cast<bigint>(std::min(time / update->dt, double(FAR_AHEAD)));
   };
@@ -139,18 +163,18 @@ void FixFreeFlight::find_safe_until(FreeBody &body) {
 }
 
 // Pairs of two bodies in free flight are left out: their safe_until has their meeting in it.
-void FixFreeFlight::find_pairs(Look &look) const {
+void FreeFlightLooks::find_pairs(Look &look) const {
   const double time_s = std::max(rest_s(), unforeseen_s());
-  look.pairs = std::make_unique<ReachPairs>(look.all, look.in_arrays.size(), time_s, speed_);
+  look.pairs = std::make_unique<ReachPairs>(look.all, look.in_arrays.size(), time_s, rules_.speed);
 }
 
 // Finds the bodies in free flight that must come back before the next look.
-void FixFreeFlight::watch_bodies_in_flight(const Look &look) {
+void FreeFlightLooks::watch_bodies_in_flight(const Look &look) {
   bool asked = false;
   for (size_t k = 0; k < bodies_.size(); k++) {
     FreeBody *b = bodies_[k].get();
     if (b->safe_until < update->ntimestep + horizon()) {
-      if (plate_ && plate_->is_quiet() && !asked && time_to_plate(*b, outline_, weight()) < horizon_s()) {
+      if (plate_ && plate_->is_quiet() && !asked && time_to_plate(*b, outline_, rules_.weight) < horizon_s()) {
         plate_->ask_reach();
         update_reach();
         asked = true;
@@ -159,14 +183,14 @@ void FixFreeFlight::watch_bodies_in_flight(const Look &look) {
       b->is_waking = b->safe_until < update->ntimestep + horizon();
     }
     for (const int m : look.pairs->of(look.in_arrays.size() + k))  // in the arrays, all of them
-      if (!b->is_waking) b->is_waking = time_to_meet(*b, *look.all[m], speed_) < unforeseen_s();
+      if (!b->is_waking) b->is_waking = time_to_meet(*b, *look.all[m], rules_.speed) < unforeseen_s();
   }
 }
 
 // Is all of it below the plate's top face and the foot of the walls, and never rises to them again? The plate has no
 // other face to touch.
-bool FixFreeFlight::has_left(const Outline &b) const {
-  const double fall = -weight().z, up = b.velocity.z;
+bool FreeFlightLooks::has_left(const Outline &b) const {
+  const double fall = -rules_.weight.z, up = b.velocity.z;
   if (up > 0 && fall <= 0) return false;
   const double highest = b.center.z + b.radius + (up > 0 ? up * up / (2 * fall) : 0);
   double lowest = -outline_.reach;
@@ -174,20 +198,20 @@ bool FixFreeFlight::has_left(const Outline &b) const {
   return highest < lowest;
 }
 
-bool FixFreeFlight::is_dust(const FreeBody &b) const {
-  return static_cast<int>(b.parts.size()) < std::min(least_fragment_, agglomerates_->size(b.agglomerate));
+bool FreeFlightLooks::is_dust(const FreeBody &b) const {
+  return static_cast<int>(b.parts.size()) < std::min(rules_.least_fragment, agglomerates_.size(b.agglomerate));
 }
 
 // Does it fly higher above the plate than any face may lie outside its sub-spheres?
-bool FixFreeFlight::is_clear(FreeBody &b) const {
+bool FreeFlightLooks::is_clear(FreeBody &b) const {
   if (!plate_) return true;
   const bool still = std::exchange(b.is_still, false);
-  const bool clear = time_to_plate(b, outline_, weight()) > rest_s();
+  const bool clear = time_to_plate(b, outline_, rules_.weight) > rest_s();
   b.is_still = still;
   return clear;
 }
 
-void FixFreeFlight::take_out_those_that_left() {
+void FreeFlightLooks::take_out_those_that_left() {
   auto left = [&](const std::unique_ptr<FreeBody> &b) {
     if (b->is_leaving || b->is_waking || !(has_left(*b) || (is_dust(*b) && is_clear(*b)))) return false;
     stream_->take_out({b->agglomerate, static_cast<int>(b->parts.size()), b->mass, b->kinetic(), b->bond_elastic,
@@ -198,20 +222,20 @@ void FixFreeFlight::take_out_those_that_left() {
 }
 
 // Is its inner motion, and that of the fragments trapped in it, so small that it may leave?
-bool FixFreeFlight::is_calm(ArrayBody &b) {
-  const double impact = 0.5 * speed_ * speed_ * b.mass;
+bool FreeFlightLooks::is_calm(ArrayBody &b) {
+  const double impact = 0.5 * rules_.speed * rules_.speed * b.mass;
   double fragments = 0;
   for (const ArrayBody *fragment : b.trapped) fragments += fragment->energy_over(b);
   int &looks = calm_[b.label], &still_looks = still_[b.label];
-  still_looks = b.inner_energy + fragments <= STILL_SHARE * tolerance_ * impact ? still_looks + 1 : 0;
+  still_looks = b.inner_energy + fragments <= STILL_SHARE * rules_.tolerance * impact ? still_looks + 1 : 0;
   b.is_still = b.atoms.size() == 1 || still_looks >= CALM_LOOKS;
-  looks = b.inner_energy <= tolerance_ * impact && fragments <= TRAPPED_ENERGY * impact ? looks + 1 : 0;
+  looks = b.inner_energy <= rules_.tolerance * impact && fragments <= TRAPPED_ENERGY * impact ? looks + 1 : 0;
   return b.atoms.size() == 1 || looks >= (b.trapped.empty() ? CALM_LOOKS : TRAPPED_LOOKS);
 }
 
-void FixFreeFlight::let_calm_bodies_depart(Look &look) {
+void FreeFlightLooks::let_calm_bodies_depart(Look &look) {
   const size_t count = look.in_arrays.size();
-  find_trapped(look.in_arrays, *agglomerates_);
+  find_trapped(look.in_arrays, agglomerates_);
   std::vector<char> leaves(count, 0), is_part(count, 0);  // of another one, with which it may leave
   for (size_t k = 0; k < count; k++) {
     ArrayBody &b = look.in_arrays[k];
@@ -229,7 +253,7 @@ void FixFreeFlight::let_calm_bodies_depart(Look &look) {
     for (const int m : look.pairs->of(k)) {
       if (look.is_in_arrays(m) || !leaves[k]) continue;
       FreeBody &other = static_cast<FreeBody &>(*look.all[m]);
-      leaves[k] = time_to_meet(look.in_arrays[k], other, other.is_waking ? speed_ : 0) > rest_s();
+      leaves[k] = time_to_meet(look.in_arrays[k], other, other.is_waking ? rules_.speed : 0) > rest_s();
     }
   keep_those_that_meet(look, is_part, leaves);
   for (size_t k = 0; k < count; k++)
@@ -238,10 +262,10 @@ void FixFreeFlight::let_calm_bodies_depart(Look &look) {
 }
 
 // A body that could leave stays if it may meet a body that stays, or soon meets another one that could leave.
-void FixFreeFlight::keep_those_that_meet(Look &look, const std::vector<char> &is_part, std::vector<char> &leaves) {
+void FreeFlightLooks::keep_those_that_meet(Look &look, const std::vector<char> &is_part, std::vector<char> &leaves) {
   auto meet = [&](size_t k, size_t m) {
     ArrayBody &a = look.in_arrays[k], &b = look.in_arrays[m];
-    if (!leaves[m]) return time_to_meet(a, b, speed_) <= rest_s();
+    if (!leaves[m]) return time_to_meet(a, b, rules_.speed) <= rest_s();
     return !have_left(a, b) && time_to_meet(a, b) <= rest_s();
   };
   for (bool changed = true; changed;) {
@@ -254,7 +278,7 @@ void FixFreeFlight::keep_those_that_meet(Look &look, const std::vector<char> &is
 
 // Does no encounter ahead, with the plate, a wall or another body, push with more than `limit_N`? The peak force of an
 // encounter is that of an elastic impact after Hertz.
-bool FixFreeFlight::is_gentle(const Look &look, ArrayBody &b, double limit_N) {
+bool FreeFlightLooks::is_gentle(const Look &look, ArrayBody &b, double limit_N) {
   double radius = 0;
   for (int i : b.atoms) radius = std::max(radius, atom->radius[i]);
   auto is_hard = [&](double mass, double closing) {
@@ -263,10 +287,10 @@ bool FixFreeFlight::is_gentle(const Look &look, ArrayBody &b, double limit_N) {
                         std::pow(1.25 * mass * closing * closing, 0.6);
     return peak > limit_N;
   };
-  if (plate_ && is_hard(b.mass, -b.velocity.z) && time_to_plate(b, outline_, weight()) <= rest_s()) return false;
+  if (plate_ && is_hard(b.mass, -b.velocity.z) && time_to_plate(b, outline_, rules_.weight) <= rest_s()) return false;
   for (const SideWall *wall : walls_) {
     const Vec off = from_wall(b.center, wall->outline());
-    if (is_hard(b.mass, -dot(b.velocity, off) / norm(off)) && time_to_wall(b, wall->outline(), weight()) <= rest_s())
+    if (is_hard(b.mass, -dot(b.velocity, off) / norm(off)) && time_to_wall(b, wall->outline(), rules_.weight) <= rest_s())
       return false;
   }
   for (const int m : look.pairs->of(&b - look.in_arrays.data())) {
@@ -280,11 +304,11 @@ bool FixFreeFlight::is_gentle(const Look &look, ArrayBody &b, double limit_N) {
   return true;
 }
 
-void FixFreeFlight::depart(ArrayBody &b) {
+void FreeFlightLooks::depart(ArrayBody &b) {
   b.departs = true;
-  for (ArrayBody *fragment : b.trapped) fragment->departs = true, held_->let_go(fragment->label);
-  held_->let_go(b.label);
-  bodies_.push_back(std::make_unique<FreeBody>(atom, b, weight(), update->ntimestep, update->dt));
+  for (ArrayBody *fragment : b.trapped) fragment->departs = true, held_.let_go(fragment->label);
+  held_.let_go(b.label);
+  bodies_.push_back(std::make_unique<FreeBody>(atom, b, rules_.weight, update->ntimestep, update->dt));
   if (bonds_)
     for (int i : b.atoms) bonds_->let_leave(i);
   calm_[b.label] = still_[b.label] = 0;
@@ -292,7 +316,7 @@ void FixFreeFlight::depart(ArrayBody &b) {
 }
 
 // Notes the elastic energy that leaving bodies take along, in bonds and in contacts between their own sub-spheres.
-void FixFreeFlight::note_elastic_energies() {
+void FreeFlightLooks::note_elastic_energies() {
   auto may_hold = [](auto &b) { return b->is_leaving && b->parts.size() > 1; };
   if (std::none_of(bodies_.begin(), bodies_.end(), may_hold)) return;
   bond_energy_.resize(calm_.size()), pair_energy_.resize(calm_.size());
@@ -308,7 +332,7 @@ void FixFreeFlight::note_elastic_energies() {
 }
 
 // Elastic energy in contacts between sub-spheres in the arrays, given to the body of one of the two, J.
-void FixFreeFlight::add_pair_energy_by_body(double *energy) const {
+void FreeFlightLooks::add_pair_energy_by_body(double *energy) const {
   const NeighList *list = force->pair->list;
   for (int k = 0; k < list->inum; k++) {
     const int i = list->ilist[k];
@@ -322,3 +346,21 @@ void FixFreeFlight::add_pair_energy_by_body(double *energy) const {
   }
 }
 
+void FreeFlightLooks::save(CheckpointWriter &out) const {
+  out.common("free_flight_looks", {outline_.reach, static_cast<double>(departures_)});
+  std::vector<double> calm;
+  agglomerates_.each_near_tag([&](int tag) {
+    if (calm_[tag] != 0 || still_[tag] != 0) calm.insert(calm.end(), {tag + 0.0, calm_[tag] + 0.0, still_[tag] + 0.0});
+  });
+  out.rows("free_flight_calm", calm);
+}
+
+void FreeFlightLooks::restore(const CheckpointReader &in) {
+  const std::vector<double> &numbers = in.common("free_flight_looks", 2), &calm = in.rows("free_flight_calm", 3);
+  outline_.reach = numbers[0];
+  departures_ = static_cast<bigint>(numbers[1]);
+  for (size_t k = 0; k < calm.size(); k += 3) {
+    const int tag = static_cast<int>(calm[k]);
+    calm_[tag] = static_cast<int>(calm[k + 1]), still_[tag] = static_cast<int>(calm[k + 2]);
+  }
+}

@@ -5,7 +5,7 @@
 
 #include "atom.h"
 #include "fix.h"
-#include "flight/pair_list.h"
+#include "base/pair_list.h"
 #include "force.h"
 #include "interfaces/free_flight_partners.h"
 #include "lammps.h"

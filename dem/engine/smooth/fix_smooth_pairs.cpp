@@ -10,7 +10,7 @@
 #include "base/fixes.h"
 #include "bodies/flat_row.h"
 #include "comm.h"
-#include "flight/pair_list.h"
+#include "base/pair_list.h"
 #include "interfaces/checkpoint_file.h"
 #include "laws/tangential_law.h"
 #include "modify.h"

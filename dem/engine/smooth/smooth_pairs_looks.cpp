@@ -6,7 +6,7 @@
 
 #include "atom.h"
 #include "comm.h"
-#include "flight/pair_list.h"
+#include "base/pair_list.h"
 #include "laws/plastic_law.h"
 #include "smooth/fix_smooth_pairs.h"
 #include "update.h"
