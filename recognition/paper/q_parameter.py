@@ -4,8 +4,6 @@ Q is the weighted sum of eight standardised parameters; a quadratic Q(beta) is f
 the training runs and inverted for a new record.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Self
@@ -44,7 +42,7 @@ class FusionQ(RecordEstimator):
     """
 
     scaler_: MinMaxByTrend = field(init=False, repr=False)
-    fit_: PolynomialFit = field(init=False, repr=False)
+    fit_: "PolynomialFit" = field(init=False, repr=False)
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
         """The eight base parameters of `a_m_s2` in a record and in its `noisy_copies`, shape (copies, 8). Raises

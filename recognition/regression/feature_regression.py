@@ -2,8 +2,6 @@
 the law of these features (`ratio_law`), which tells records out of distribution.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -45,7 +43,7 @@ class FeatureRegression(RecordEstimator):
     """
 
     features: str
-    model_: ProcessModel = field(init=False, repr=False)
+    model_: "ProcessModel" = field(init=False, repr=False)
     error_: float = field(init=False, repr=False)
     limits_: Floats = field(init=False, repr=False)
 
@@ -71,7 +69,7 @@ class FeatureRegression(RecordEstimator):
         conditions = None if nuisance is None else nuisance.to_numpy(dtype=float)
         keys = None if groups is None else np.asarray(groups)
 
-        def model(which: Any) -> ProcessModel:
+        def model(which: Any) -> "ProcessModel":
             of = [None if values is None else values[which] for values in (conditions, keys)]
             return fit_process(features[which], y[which], *of)
 

@@ -14,11 +14,10 @@ Stones that are struck fast enough break, whatever their size: s and J become sm
 breaks depends on material and speed; a and e of broken stones are those of both materials together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,7 +109,7 @@ class StoneForces:
     density_kg_m3: Floats
 
     @classmethod
-    def fit(cls, histories: Sequence[History]) -> StoneForces:
+    def fit(cls, histories: Sequence[History]) -> Self:
         """The law of histories, of which each material needs at least four that stay whole (ValueError)."""
         form = _forms(histories)
         rows = np.array([heard_of(h, form) - _of_size(h.radius_m, h.speed_m_s, h.mass_kg) for h in histories])
