@@ -22,7 +22,7 @@ from analysis.signals.features import BASE_PARAMETERS
 from analysis.sweep.runs import Run
 from common.channels import ACCELEROMETERS
 from common.files.whole import is_sealed, seal, write_text
-from common.tables import InputError, refuse_unreadable
+from common.input_error import raised_as, refuse_unreadable
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
@@ -335,11 +335,10 @@ def _fitting_numbers() -> Iterator[None]:
 
 def _read(path: Path) -> dict[str, Any]:
     """The content of a model file of this version."""
-    try:
+    with raised_as(RecognitionError):
         refuse_unreadable(path, MOST_BYTES)
+    try:
         data = json.loads(path.read_text())
-    except InputError as error:
-        raise RecognitionError(str(error)) from None
     except (OSError, ValueError, RecursionError) as error:
         raise RecognitionError(f"{path}: not a readable model ({error})") from None
     if not isinstance(data, dict) or data.get("format") != FORMAT:

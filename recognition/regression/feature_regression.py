@@ -14,8 +14,8 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
 from analysis.signals.features import FEATURES, sensor_features
-from analysis.signals.records import RecordError
 from analysis.sweep.runs import Run
+from common.input_error import raised_as
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats, finite, training
 from recognition.estimation.calibration import (
@@ -56,10 +56,8 @@ class FeatureRegression(RecordEstimator):
         """Features of the record and of its `noisy_copies`, shape (copies, p)."""
         early = samples_before_impact(channels_of(signals, "accelerometers"))
         every = [channels_of(one, "accelerometers") for one in noisy_copies(signals.iloc[early:])]
-        try:
+        with raised_as(RecognitionError):
             return np.stack([sensor_features(self.features, one) for one in every])
-        except RecordError as reason:
-            raise RecognitionError(str(reason)) from None
 
     def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> Self:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from common.files.whole import read_sealed_json, write_sealed_json
-from common.tables import InputError
+from common.input_error import raised_as
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 
@@ -227,10 +227,8 @@ def save_forces(forces: StoneForces, file: Path) -> None:
 
 def load_forces(file: Path = SHIPPED) -> StoneForces:
     """Read what `save_forces` wrote. RecognitionError, one line, for anything else."""
-    try:
+    with raised_as(RecognitionError):
         content = read_sealed_json(file)
-    except InputError as error:
-        raise RecognitionError(str(error)) from None
     names = {field.name for field in fields(StoneForces)}
     if content is None or content.get("format") != FORMAT or set(content) - {"sha256", "format"} != names:
         raise RecognitionError(f"{file}: no law of the stones' forces; `gangue learn-forces` writes one")
