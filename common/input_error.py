@@ -1,6 +1,9 @@
 """Errors that end a command, apart from the checks that raise them, which take long to import."""
 
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +24,23 @@ class InputError(CommandError, ValueError):
     """Input that cannot be used; the message is one line naming file, key, value and what is allowed."""
 
     exit_code = 2
+
+
+@contextmanager
+def raised_as(kind: type[InputError]) -> Iterator[None]:
+    """Within, input that cannot be used is refused by this kind of error."""
+    try:
+        yield
+    except InputError as error:
+        raise kind(str(error)) from None
+
+
+def optional_library(name: str, use: str, package: str, kind: type[InputError]) -> Any:
+    """Return a module of an optional package. Raises `kind`, which says for which use it is missing."""
+    try:
+        return import_module(name)
+    except (ImportError, OSError):  # OSError: without a library in C that it needs
+        raise kind(f"{use} needs the package {package} (pip install {package})") from None
 
 
 def printable(text: str) -> str:

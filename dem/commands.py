@@ -1,13 +1,11 @@
 """What the commands on one scene answer: `run`, `resume`, `deck`, `plate`, `calibrate` and `build-engine`."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import nan
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from common.files.cache import user_cache
 from common.files.output_directory import files_in, is_stamped, refuse_below_a_file, refuse_foreign_file, refuse_place
@@ -43,7 +41,7 @@ class RunResult(Result):
     scene_hash: str | None
 
     @classmethod
-    def of(cls, directory: Path, summary: Mapping[str, Any]) -> RunResult:
+    def of(cls, directory: Path, summary: Mapping[str, Any]) -> Self:
         """From what run.json says (common/run_summary.py)."""
         same = ("peak_force_N", "impulse_N_s", "n_bonds", "n_bonds_broken", "scene_hash")
         return cls(directory=directory, gangue_ratio=summary["gangue_ratio"], status=summary["status"],

@@ -6,13 +6,11 @@ The turn is done as three shears. Whatever their rounded factors, their product 
 of a slightly different ellipse, so that energy cannot drift however many steps are taken.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
 
 import numpy as np
@@ -271,7 +269,7 @@ class RecordedMotion:
                     np.lib.format.write_array(stream, np.asarray(_packed(value)))
 
     @classmethod
-    def read(cls, directory: str | Path) -> RecordedMotion:
+    def read(cls, directory: str | Path) -> Self:
         """Of a run directory. Raises InputError."""
         file = Path(directory) / FILE
         try:

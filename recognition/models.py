@@ -5,15 +5,13 @@ of its format and where it came from. A table of the file has exactly the fields
 finite and of their type; nothing is converted or filled in.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, Self, TypeVar, get_args, get_origin
 
 import numpy as np
 import pandas as pd
@@ -24,7 +22,7 @@ from analysis.signals.features import BASE_PARAMETERS
 from analysis.sweep.runs import Run
 from common.channels import ACCELEROMETERS
 from common.files.whole import is_sealed, seal, write_text
-from common.tables import InputError, refuse_unreadable
+from common.input_error import raised_as, refuse_unreadable
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
@@ -133,7 +131,7 @@ class Model:
     left_out: dict[str, str] = field(default_factory=dict)
 
     @classmethod
-    def fit(cls, runs: list[Run], groups: Groups | None = None, conditions: pd.DataFrame | None = None) -> Model:
+    def fit(cls, runs: list[Run], groups: Groups | None = None, conditions: pd.DataFrame | None = None) -> "Model":
         """Fit every method to runs of known ratio.
 
         groups (runs,): runs of one draw of arrangement, packing ... share a value, for the intervals; conditions: a row
@@ -161,13 +159,13 @@ class Model:
             raise RecognitionError(f"accelerometers {', '.join(here)}; the training has {', '.join(map(str, known))}")
         return self.methods[name].prepare(table)
 
-    def at_impact(self) -> Model:
+    def at_impact(self) -> Self:
         """The same for records that begin as those of the simulation do: no method seeks the moment of the impact."""
         known = {name: method.at_impact() for name, method in self.methods.items()
                  if isinstance(method, ArrangementLikelihood)}
         return replace(self, methods=self.methods | known)
 
-    def on_plate(self, plate: PlateModel) -> Model:
+    def on_plate(self, plate: PlateModel) -> Self:
         """For records of a plate that was learnt by tapping. Only the arrangement likelihood knows of the plate; what
         other methods have learnt holds for the plate of the training alone, so they are left out.
 
@@ -226,7 +224,7 @@ class Model:
         write_text(Path(path), json.dumps(seal(data), allow_nan=False, separators=(",", ":")))
 
     @classmethod
-    def load(cls, path: str | Path) -> Model:
+    def load(cls, path: str | Path) -> Self:
         """Read a saved model. RecognitionError, one line, for anything else."""
         path = Path(path)
         data = _read(path)
@@ -267,7 +265,7 @@ class PreparedRuns:
     left_out: dict[str, str]
 
     @classmethod
-    def of(cls, runs: list[Run]) -> PreparedRuns:
+    def of(cls, runs: list[Run]) -> Self:
         window = Window.of(runs)
         tables = [window.cut(run.signals, str(run.path)) for run in runs]
         features, left_out = {}, {}
@@ -337,11 +335,10 @@ def _fitting_numbers() -> Iterator[None]:
 
 def _read(path: Path) -> dict[str, Any]:
     """The content of a model file of this version."""
-    try:
+    with raised_as(RecognitionError):
         refuse_unreadable(path, MOST_BYTES)
+    try:
         data = json.loads(path.read_text())
-    except InputError as error:
-        raise RecognitionError(str(error)) from None
     except (OSError, ValueError, RecursionError) as error:
         raise RecognitionError(f"{path}: not a readable model ({error})") from None
     if not isinstance(data, dict) or data.get("format") != FORMAT:

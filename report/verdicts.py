@@ -7,8 +7,6 @@ below 0.6 and partly below 0.9. Other rules stand in each statement's `expected`
 ratios: mixing ratio of each run, shape (runs,). values: one number a run, shape (runs,). curves: shape (runs, moments).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

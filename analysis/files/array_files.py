@@ -16,6 +16,7 @@ import numpy as np
 
 from analysis.files.text_tables import encoding_of
 from analysis.signals.records import RecordError
+from common.input_error import optional_library
 
 RATES = ("rate_hz", "fs", "fs_hz", "rate", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "srate")
 INTERVALS = ("dt", "dt_s", "sample_interval_s", "sampling_interval", "wf_increment", "ts")
@@ -100,11 +101,7 @@ def _flat(content: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, An
 
 def read_hdf5(path: Path) -> Arrays:
     """Arrays of an HDF5 file, with the rates and units that attributes give. Raises RecordError."""
-    try:
-        import h5py
-    except ImportError:
-        raise RecordError(f"{path}: reading HDF5 needs the package h5py (pip install h5py)") from None
-
+    h5py = optional_library("h5py", f"{path}: reading HDF5", "h5py", RecordError)
     arrays = Arrays()
 
     def take(name: str, node: Any) -> None:
@@ -194,14 +191,10 @@ def _tell_contradictions(arrays: Arrays, path: Path) -> None:
 
 def read_tdms(path: Path) -> Arrays:
     """Channels of a TDMS file, `group/channel`, with rates and units. Raises RecordError."""
-    try:
-        from nptdms import TdmsFile
-    except ImportError:
-        raise RecordError(f"{path}: reading TDMS needs the package npTDMS (pip install npTDMS)") from None
-
+    nptdms = optional_library("nptdms", f"{path}: reading TDMS", "npTDMS", RecordError)
     arrays = Arrays()
     try:
-        for group in TdmsFile.read(path).groups():
+        for group in nptdms.TdmsFile.read(path).groups():
             for channel in group.channels():
                 name, about = f"{group.name}/{channel.name}", channel.properties
                 arrays.add(name, channel[:])

@@ -28,7 +28,7 @@ from analysis.signals.records import (
 )
 from common.channels import name_and_unit, plain_unit, unit_of
 from common.files.parquet import read_numbers, read_parquet
-from common.input_error import InputError, refuse_unreadable
+from common.input_error import optional_library, raised_as, refuse_unreadable
 from common.process.processes import Crashed, apart
 
 # What scipy raises for a broken file, found by tests/fuzz.
@@ -52,11 +52,7 @@ def read_wav(path: Path) -> Channels:
 
 def read_flac(path: Path) -> Channels:
     """The channels of a FLAC file, as `read_wav`. Raises RecordError also where soundfile is missing."""
-    try:
-        import soundfile
-    except (ImportError, OSError):  # OSError: without the library libsndfile
-        raise RecordError(f"{path}: reading FLAC needs the package soundfile (pip install soundfile)") from None
-
+    soundfile = optional_library("soundfile", f"{path}: reading FLAC", "soundfile", RecordError)
     try:
         samples, rate_Hz = soundfile.read(path)
     except (OSError, RuntimeError, ValueError, TypeError) as error:  # its own error is a RuntimeError
@@ -235,10 +231,8 @@ def _arrays(path: Path) -> Arrays:
 
 
 def _refuse_unreadable(path: Path) -> None:
-    try:
+    with raised_as(RecordError):
         refuse_unreadable(path, MOST_BYTES)
-    except InputError as error:
-        raise RecordError(str(error)) from None
 
 
 def _from_table(table: Mapping[str, Any], source: str, column: str | None, time: str | None,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from analysis.signals.records import Channels, Record, RecordError, sample_rate_Hz
+from common.input_error import optional_library
 
 TIME, FREQUENCY = 1, 4  # func_type of a time response and of a frequency response in dataset 58
 OF_A_TABLE = ("frequency", "real", "imaginary")
@@ -23,11 +24,7 @@ def read_uff(path: Path) -> Channels:
     """The time responses, and as impulse responses the frequency responses, of datasets 58 of a UFF file, ASCII or
     binary, by their first identification lines, or numbers from 0 where these are not all different. Raises
     RecordError."""
-    try:
-        import pyuff
-    except ImportError:
-        raise RecordError(f"{path}: reading UFF needs the package pyuff (pip install pyuff)") from None
-
+    pyuff = optional_library("pyuff", f"{path}: reading UFF", "pyuff", RecordError)
     try:
         sets = pyuff.UFF(str(path)).read_sets()
     except Exception as error:  # noqa: BLE001  pyuff raises bare Exception for a broken file

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from common.channels import name_and_unit, unit_of
-from common.input_error import CommandError
+from common.input_error import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,15 +31,13 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
 LEAST_INTERVAL_s = 1e-12  # of which a rate, and its whole number, are far from the ends of what numbers hold
 
 
-class RecordError(CommandError, ValueError):
+class RecordError(InputError):
     """A record cannot be used. The message is one line: file, key, value, what is allowed.
 
     >>> Record([1.0, float("nan")], rate_Hz=1000.0)
     Traceback (most recent call last):
     analysis.signals.records.RecordError: signal: sample 1 is nan; every sample must be finite
     """
-
-    exit_code = 2
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from analysis.files.readers import read_table
 from analysis.signals.records import Record, RecordError, sample_rate_Hz
 from common.channels import RESPONSES, unit_of
 from common.files.whole import read_json
+from common.input_error import InputError, raised_as
 from common.run_summary import RecordedScene, RunSummary, summary_from
-from common.tables import InputError
 
 BREAKAGE_COLUMNS = ("t_s", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_Pa", "energy_J", "area_m2")
 By = Literal["mass", "number"]
@@ -155,10 +155,8 @@ def _read_info(path: Path) -> dict[str, Any]:
 
 
 def _summary(info: dict[str, Any], path: Path) -> RunSummary:
-    try:
+    with raised_as(RecordError):
         return summary_from(info, f"{path}/run.json")
-    except InputError as error:
-        raise RecordError(str(error)) from None
 
 
 @dataclass(frozen=True)

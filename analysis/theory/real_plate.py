@@ -15,8 +15,9 @@ from analysis.theory.contact_states import places_of, setup_of
 from common import hertz
 from common.channels import force_column
 from common.files.cache import user_cache
+from common.input_error import raised_as
 from common.scene.plate import FlexiblePlate
-from common.tables import InputError, check
+from common.tables import check
 from plate_fem.modes import PlateModes, modes_for_loads
 from plate_fem.motion import ModalMotion
 from plate_fem.stress import HertzContact, total_stress, von_mises_3d
@@ -42,10 +43,8 @@ def flexible_plate(run: Run) -> FlexiblePlate:
         raise RecordError(f"{run.path}/run.json: scene.plate.thickness_m = None; needs that of a plate that bends")
     if plate.max_frequency_Hz is None:
         raise RecordError(f"{run.path}/run.json: scene.plate.max_frequency_Hz = None; needs the run's own")
-    try:
+    with raised_as(RecordError):
         return check(FlexiblePlate, plate.as_json(), run.path / "run.json", "scene.plate")
-    except InputError as error:
-        raise RecordError(str(error)) from None
 
 
 def static_compliance_m_N(modes: PlateModes, points_m: np.ndarray) -> np.ndarray:

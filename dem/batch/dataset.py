@@ -6,8 +6,6 @@ a group. Draws follow from the plan's seed, the family's name and the group's nu
 alone, so that more groups or other families leave the rest as it is.
 """
 
-from __future__ import annotations
-
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,6 +44,31 @@ class Family(Table):
     packing: bool = False  # sub-spheres of every stone
     speed_m_s: tuple[Positive, Positive] | None = None  # evenly between these
     damping_ratio: tuple[NotNegative, NotNegative] | None = None  # of the plate, evenly between these
+
+
+class StreamFamily(Table):
+    """What its groups vary; a key that is absent leaves the scene as it is. Every group has a seed of its own, so that
+    sizes, places, times and packings differ."""
+
+    runs_per_group: ClassVar[int] = 1
+    scene: str  # file, beside the plan: one with a rate in stones.drawn
+    groups: Annotated[int, Field(ge=1)]
+    stones: Annotated[int, Field(ge=1, le=MOST_STONES)]  # of a run; the stream lasts as long as its rate makes it
+    rate_1_s: tuple[Positive, Positive]  # evenly between these in its logarithm
+    gangue_ratio: tuple[Share, Share] = (0.0, 1.0)  # by mass, evenly between these, in whole percent
+    speed_m_s: tuple[Positive, Positive] | None = None  # of all stones of a run, evenly between these
+    sizes_m: Annotated[tuple[Spread, ...] | None, Field(min_length=1)] = None  # a run has one of these distributions
+    rings_s: Positive = 0.1  # that the record goes on after the stream
+    # Dotted keys of the scene, for all runs of the family.
+    changes: dict[str, Any] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _ascend(self) -> Self:
+        for key in ("rate_1_s", "gangue_ratio", "speed_m_s"):
+            value = getattr(self, key)
+            if value is not None and value[1] < value[0]:
+                raise Refused(key, value, "must ascend")
+        return self
 
 
 class DatasetPlan(Table):
@@ -178,31 +201,6 @@ def build(plan_file: Path, out: Path, jobs: int, overwrite: bool = False, runs: 
         failed = run_missing(str(plan_file), scenes, run, jobs, lock, overwrite)
     return BatchResult(out, len(planned), len(planned) - len(failed),
                        {str(place.relative_to(out)): why for place, why in failed.items()})
-
-
-class StreamFamily(Table):
-    """What its groups vary; a key that is absent leaves the scene as it is. Every group has a seed of its own, so that
-    sizes, places, times and packings differ."""
-
-    runs_per_group: ClassVar[int] = 1
-    scene: str  # file, beside the plan: one with a rate in stones.drawn
-    groups: Annotated[int, Field(ge=1)]
-    stones: Annotated[int, Field(ge=1, le=MOST_STONES)]  # of a run; the stream lasts as long as its rate makes it
-    rate_1_s: tuple[Positive, Positive]  # evenly between these in its logarithm
-    gangue_ratio: tuple[Share, Share] = (0.0, 1.0)  # by mass, evenly between these, in whole percent
-    speed_m_s: tuple[Positive, Positive] | None = None  # of all stones of a run, evenly between these
-    sizes_m: Annotated[tuple[Spread, ...] | None, Field(min_length=1)] = None  # a run has one of these distributions
-    rings_s: Positive = 0.1  # that the record goes on after the stream
-    # Dotted keys of the scene, for all runs of the family.
-    changes: dict[str, Any] = Field(default_factory=dict)
-
-    @model_validator(mode="after")
-    def _ascend(self) -> Self:
-        for key in ("rate_1_s", "gangue_ratio", "speed_m_s"):
-            value = getattr(self, key)
-            if value is not None and value[1] < value[0]:
-                raise Refused(key, value, "must ascend")
-        return self
 
 
 def draw_stream(family: StreamFamily, rng: np.random.Generator) -> dict[str, Any]:

@@ -109,45 +109,49 @@ class PlateParticipant:
         self.dem_step = now
 
 
-class RigidPlateParticipant:
-    """A plate that does not move: it answers nothing, records nothing and holds no energy."""
+class PlateOfRun:
+    """The plate that takes part in a run. This one is rigid: the engine asks it nothing, it records nothing and holds
+    no energy."""
 
-    n_modes = 0
+    n_modes = 0  # residual ones included
 
     def restore(self, deck: Path, dem_step: int, identity: str) -> None:
-        """A rigid plate has no state to go on from."""
+        """Go on from the plate's half of the checkpoint of the run `identity` at `dem_step`. Raises InputError if it
+        cannot be read."""
 
     @contextmanager
     def connected(self, deck: Path) -> Iterator[None]:
-        """The engine does not look for a rigid plate."""
+        """Within it, the pipes that the engine must find are in the directory `deck`."""
         yield
 
     def take_part(self, deck: Path, alive: Callable[[], bool], progress: Callable[[int], None],
                   identity: str = BY_HAND) -> None:
-        """The engine asks a rigid plate nothing."""
+        """Answer the engine until it has finished. `alive` tells whether it still runs; `progress` is called with the
+        DEM steps that were recorded; checkpoints carry the `identity` of the run. Raises CouplingError, or
+        Unstable if the plate gets too much energy."""
 
     def signals(self, dem_steps: range) -> Columns:
-        """No columns."""
+        """The plate's signals, one row for each of `dem_steps`. Raises RuntimeError if others were recorded."""
         return {}
 
     def recorded_motion(self) -> RecordedMotion | None:
-        """No motion."""
+        """The modes and their state at the samples."""
         return None
 
     def energy(self) -> PlateEnergy:
-        """No energy."""
+        """Where the plate's energy is now."""
         return PlateEnergy()
 
     def bending(self) -> dict[str, dict[str, float]]:
-        """A rigid plate does not bend."""
+        """The largest stress of bending, anywhere and at the rods, for the report on yield."""
         return {}
 
     def meshes(self, dem_step: int, contacts: list[HertzContact]) -> dict[str, Mesh]:
-        """A rigid plate is not shown."""
+        """What the picture at `dem_step` shows of the plate and of the contacts on it."""
         return {}
 
 
-class FlexiblePlateParticipant:
+class FlexiblePlateOfRun(PlateOfRun):
     """A plate that moves in its modes, answers the engine and is recorded."""
 
     def __init__(self, prepared: PreparedRun, modes: PlateModes):
@@ -160,16 +164,10 @@ class FlexiblePlateParticipant:
                                        picture_schedule(scene, prepared.assembly, step),
                                        PlateMonitor(scene, prepared.assembly))
         self._participant = PlateParticipant(self._motion, step, self._recorder)
+        self.n_modes = len(self._motion.amplitude)
         self._pipes: PlatePipes | None = None
 
-    @property
-    def n_modes(self) -> int:
-        """Number of modes, residual ones included."""
-        return len(self._motion.amplitude)
-
     def restore(self, deck: Path, dem_step: int, identity: str) -> None:
-        """Go on from the plate's half of the checkpoint of the run `identity` at `dem_step`. Raises InputError if it
-        cannot be read."""
         kept = read_plate_state(plate_file(deck / "checkpoint", dem_step), identity)
         one = self._participant
         one.dem_step, one.co_steps, one.extrapolated_co_steps = (int(number) for number in kept["coupling"])
@@ -187,7 +185,6 @@ class FlexiblePlateParticipant:
 
     @contextmanager
     def connected(self, deck: Path) -> Iterator[None]:
-        """Within it, the pipes that the engine must find are in the directory `deck`."""
         self._pipes = PlatePipes(deck, self.n_modes)
         try:
             yield
@@ -196,9 +193,6 @@ class FlexiblePlateParticipant:
 
     def take_part(self, deck: Path, alive: Callable[[], bool], progress: Callable[[int], None],
                   identity: str = BY_HAND) -> None:
-        """Answer the engine until it has finished. `alive` tells whether it still runs; `progress` is called with the
-        DEM steps that were recorded; checkpoints carry the `identity` of the run. Raises CouplingError, or
-        Unstable if the plate gets too much energy."""
         assert self._pipes is not None  # connected
 
         def record(dem_steps: range, states: np.ndarray, force: np.ndarray, last_force: np.ndarray) -> None:
@@ -211,36 +205,28 @@ class FlexiblePlateParticipant:
                                                                               self._checkpoint(), identity))
 
     def signals(self, dem_steps: range) -> Columns:
-        """The plate's signals, one row for each of `dem_steps`. Raises RuntimeError if others were recorded."""
         if self._recorder.steps != list(dem_steps):
             raise RuntimeError("the plate was not recorded at every row of the fast stream")
         return self._recorder.signals()
 
     def recorded_motion(self) -> RecordedMotion | None:
-        """The modes and their state at the samples."""
         return self._recorder.motion(self._modes)
 
     def energy(self) -> PlateEnergy:
-        """Where the plate's energy is now."""
         motion = self._motion
         return PlateEnergy(*motion.energies, motion.damped_J, motion.work_J)
 
     def bending(self) -> dict[str, dict[str, float]]:
-        """The largest stress of bending, anywhere and at the rods, for the report on yield."""
         peak = self._recorder.bending
         return {"bending": peak.result(), "bending_at_rods": peak.result(at_rods=True)}
 
     def meshes(self, dem_step: int, contacts: list[HertzContact]) -> dict[str, Mesh]:
-        """What the picture at `dem_step` shows of the plate and of the contacts on it."""
         return self._meshes.meshes(self._recorder.view_amplitude[dem_step], contacts)
-
-
-PlateOfRun = RigidPlateParticipant | FlexiblePlateParticipant
 
 
 def participant_of(prepared: PreparedRun) -> PlateOfRun:
     """The plate of a run, at rest."""
-    return RigidPlateParticipant() if prepared.modes is None else FlexiblePlateParticipant(prepared, prepared.modes)
+    return PlateOfRun() if prepared.modes is None else FlexiblePlateOfRun(prepared, prepared.modes)
 
 
 def _part(prefix: str, state: State) -> State:

@@ -1,7 +1,5 @@
 """From a scene to everything that a run needs: packings, time step and the plate's modes."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Iterator
@@ -48,7 +46,7 @@ class Stages:
             yield
         self.wall_time_s[name] = self.wall_time_s.get(name, 0.0) + time.perf_counter() - start
 
-    def copy(self) -> Stages:
+    def copy(self) -> "Stages":
         """The times so far, to which each of several runs adds its own."""
         return Stages(dict(self.wall_time_s), self.shown)
 

@@ -226,7 +226,7 @@ def stones_table(scene: Scene, assembly: Assembly, step: TimeStep, pushes: Pushe
 
     waited_s until nothing was in its way, first_contact_s (to the end of a row of the fast stream), first_x_m,
     first_y_m, peak_force_N (mean over a co-step),
-    impulse_Ns on the plate, broken_area_m2, left_mass_kg of its pieces that have left the plate for good, left_s when
+    impulse_N_s on the plate, broken_area_m2, left_mass_kg of its pieces that have left the plate for good, left_s when
     the last of them did, and where then, left_x_m, left_y_m. What did not happen is not a number.
     """
     n = len(assembly.stones)
@@ -240,7 +240,7 @@ def stones_table(scene: Scene, assembly: Assembly, step: TimeStep, pushes: Pushe
         "subspheres": assembly.sizes,
         "waited_s": np.where(ledger.has_entered[-1], ledger.column["waited_steps"][-1] * step.dt_s, np.nan),
         "first_contact_s": contact_s, "first_x_m": place[:, 0], "first_y_m": place[:, 1],
-        "peak_force_N": pushes.of_stones(n), "impulse_Ns": impulse, "broken_area_m2": np.array(area),
+        "peak_force_N": pushes.of_stones(n), "impulse_N_s": impulse, "broken_area_m2": np.array(area),
         **_gone(left, assembly)}
 
 

@@ -1,7 +1,5 @@
 """All sub-spheres and bonds of a scene, ready for the deck."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -248,7 +246,7 @@ class _StoneAlone:
     mass_share: np.ndarray | None = None  # (n,) of the stone's mass; None: by volume
     faces: FaceColumns | None = None      # where it touches with them
 
-    def scaled(self, radius_m: float) -> _StoneAlone:
+    def scaled(self, radius_m: float) -> "_StoneAlone":
         """From the size that is kept. A bond network of one material is the softer, the smaller it is."""
         size, surface, faces = radius_m / REFERENCE_RADIUS_m, self.surface, self.faces
         bonds = replace(self.bonds, vector_m=size * self.bonds.vector_m, radius_m=size * self.bonds.radius_m)
@@ -257,7 +255,7 @@ class _StoneAlone:
         return _StoneAlone(scaled_packing(self.packing, radius_m), bonds, surface, self.mass_share,
                            None if faces is None else faces.scaled(size))
 
-    def turned(self, attitude: tuple[float, float, float, float]) -> _StoneAlone:
+    def turned(self, attitude: tuple[float, float, float, float]) -> "_StoneAlone":
         """By a quaternion (w, x, y, z). The patch about its new lowest point has the mean compliance of patches
         elsewhere."""
         matrix = np.asarray(Rotation.from_quat(np.roll(attitude, -1)).as_matrix())

@@ -20,10 +20,9 @@ part of its area that is nearer to it than to the others (by the power distance 
 between this part and the centre of the sub-sphere carries the contact of the face (docs/contact.md).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from scipy.linalg import cholesky_banded
@@ -103,7 +102,7 @@ class StoneSurface:
     is_surface: np.ndarray
     compliance_m_N: np.ndarray
 
-    def scaled(self, factor: float) -> StoneSurface:
+    def scaled(self, factor: float) -> Self:
         """With compliances times a factor."""
         return replace(self, compliance_m_N=factor * self.compliance_m_N)
 
@@ -180,12 +179,12 @@ class FaceColumns:
     area_m2: np.ndarray
     face_radius_m: np.ndarray
 
-    def scaled(self, size: float) -> FaceColumns:
+    def scaled(self, size: float) -> Self:
         """Of the stone `size` times as large."""
         return replace(self, height_m=size * self.height_m, area_m2=size**2 * self.area_m2,
                        face_radius_m=size * self.face_radius_m)
 
-    def turned(self, matrix: np.ndarray) -> FaceColumns:
+    def turned(self, matrix: np.ndarray) -> Self:
         """Of the stone turned by the matrix (3, 3)."""
         return replace(self, normal=self.normal @ matrix.T)
 

@@ -14,8 +14,6 @@ milliseconds to read. It is the same bit by bit for the same radius, number, see
 it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -59,7 +57,7 @@ class SphereContainer:
         r = np.sqrt((x**2).sum(1))
         return [(self.radius_m - r, -x / np.maximum(r, 1e-300)[:, None])]
 
-    def in_units(self, length_m: float) -> SphereContainer:
+    def in_units(self, length_m: float) -> "SphereContainer":
         """The same in units of `length_m`."""
         return SphereContainer(self.radius_m / length_m)
 
@@ -89,7 +87,7 @@ class CylinderContainer:
         ends = np.column_stack([self.length_m / 2 + x[:, 2], self.length_m / 2 - x[:, 2]])
         return [(self.radius_m - r, side), (ends, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))]
 
-    def in_units(self, length_m: float) -> CylinderContainer:
+    def in_units(self, length_m: float) -> "CylinderContainer":
         """The same in units of `length_m`."""
         return CylinderContainer(self.radius_m / length_m, self.length_m / length_m)
 
@@ -119,7 +117,7 @@ class ConvexContainer:
         faces = np.array(self.faces)
         return faces[:, :3], faces[:, 3]
 
-    def in_units(self, length_m: float) -> ConvexContainer:
+    def in_units(self, length_m: float) -> "ConvexContainer":
         """The same in units of `length_m`."""
         faces = tuple((a, b, c, d / length_m) for a, b, c, d in self.faces)
         x, y, z = self.extent_m

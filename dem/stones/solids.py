@@ -7,8 +7,6 @@ and their centre of mass at the origin.
 The surface in a file is closed and of triangles, and need not be convex. It is a container for packings.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -179,7 +177,7 @@ class MeshContainer:
             walls.append((d, normal))
         return walls
 
-    def in_units(self, length_m: float) -> MeshContainer:
+    def in_units(self, length_m: float) -> "MeshContainer":
         """The same in units of `length_m`."""
         corners = tuple(map(tuple, (self._corner / length_m).tolist()))
         return MeshContainer(corners, self.triangles, self.volume_m3 / length_m**3)

@@ -65,21 +65,21 @@ class Oracle:
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> pd.DataFrame:
         """What stones.parquet has. RecognitionError without it."""
         if run is None or run.stones is None:
-            raise RecognitionError("no column 'impulse_Ns' in stones.parquet, which the run does not have")
-        return run.stones[["kind", "impulse_Ns", "peak_force_N"]]
+            raise RecognitionError("no column 'impulse_N_s' in stones.parquet, which the run does not have")
+        return run.stones[["kind", "impulse_N_s", "peak_force_N"]]
 
     def fit(self, X: Sequence[pd.DataFrame], y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> Oracle:
         """From stones of known kind."""
         every = pd.concat(X)
-        logs = [np.log(every.loc[every["kind"] == kind, ["impulse_Ns", "peak_force_N"]]) for kind in ("coal", "gangue")]
+        logs = [np.log(every.loc[every["kind"] == kind, ["impulse_N_s", "peak_force_N"]]) for kind in ("coal", "gangue")]
         self.means_ = [one.mean().to_numpy() for one in logs]
         self.covariances_ = [np.cov(one.T) for one in logs]
         return self
 
     def answer(self, X: Sequence[pd.DataFrame]) -> list[Answer]:
         """Answers to runs."""
-        return [self._answer(np.log(x[["impulse_Ns", "peak_force_N"]].to_numpy())) for x in X]
+        return [self._answer(np.log(x[["impulse_N_s", "peak_force_N"]].to_numpy())) for x in X]
 
     def _answer(self, logs: Floats) -> Answer:
         """Sums over arrangements of the product of likelihoods, by the number of gangue."""
@@ -107,7 +107,7 @@ class OracleOfSum:
             nuisance: pd.DataFrame | None = None) -> OracleOfSum:
         """From stones of known kind."""
         every = pd.concat(X)
-        self.stones_ = [every.loc[every["kind"] == kind, ["impulse_Ns", "peak_force_N"]].to_numpy()
+        self.stones_ = [every.loc[every["kind"] == kind, ["impulse_N_s", "peak_force_N"]].to_numpy()
                         for kind in ("coal", "gangue")]
         return self
 
@@ -120,7 +120,7 @@ class OracleOfSum:
         laws = [multivariate_normal(one.mean(axis=0), np.cov(one.T)) for one in drawn]
         answers = []
         for x in X:
-            log = np.array([law.logpdf(np.log(x[["impulse_Ns", "peak_force_N"]].to_numpy().sum(axis=0))) for law in laws])
+            log = np.array([law.logpdf(np.log(x[["impulse_N_s", "peak_force_N"]].to_numpy().sum(axis=0))) for law in laws])
             answers.append(answer_of(np.exp(log - log.max())))
         return answers
 

@@ -120,7 +120,7 @@ def write(planned: DatasetRun, directory: Path) -> dict[str, object]:
         pd.DataFrame({
             "stone": np.arange(1, len(stones) + 1), "kind": [scene.kind_of(stone.material) for stone in stones],
             "radius_m": [stone.radius_m for stone in stones], "mass_kg": [mass_kg(scene, stone) for stone in stones], "arrival_s": [stone.arrival_s for stone in stones],
-            "impulse_Ns": force.sum(axis=1) * STEP_s, "peak_force_N": force.max(axis=1),
+            "impulse_N_s": force.sum(axis=1) * STEP_s, "peak_force_N": force.max(axis=1),
             **{f"{name}_{axis}_m{unit}": values[:, k] for name, values, unit in (
                 ("place", place, ""), ("first", place, ""), ("velocity", velocity, "_s"))
                for k, axis in enumerate("xyz"[:values.shape[1]])}}).to_parquet(directory / "stones.parquet")

@@ -64,7 +64,7 @@ def natural_streams(out: Path, streams: int = 8) -> Iterator[Row]:
     @cache
     def oracle(seed: int) -> float:
         table = pd.DataFrame({"kind": ["gangue" if one.gangue else "coal" for one in stones(streams)],
-                              "impulse_Ns": [one.moments()[0] for one in stones(streams)],
+                              "impulse_N_s": [one.moments()[0] for one in stones(streams)],
                               "peak_force_N": [one.force_N.max() for one in stones(streams)]})
         own = table.index // STONES == seed
         return Oracle().fit([table[~own]], np.empty(0)).answer([table[own]])[0].ratio

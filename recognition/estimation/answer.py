@@ -1,10 +1,9 @@
 """What a method says of one record."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import hypot, isnan, nan, sqrt
+from typing import Self
 
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import NotRecognised
@@ -41,12 +40,12 @@ class Answer:
     reason: str = ""
 
     @classmethod
-    def none(cls, reason: str) -> Answer:
+    def none(cls, reason: str) -> Self:
         """No ratio, and why."""
         return cls(nan, reason=reason)
 
     @classmethod
-    def between(cls, low: float, ratio: float, high: float) -> Answer:
+    def between(cls, low: float, ratio: float, high: float) -> Self:
         """A ratio between the ends of its interval."""
         return cls(ratio, low, high)
 

@@ -1,17 +1,15 @@
 """Errors of recognition."""
 
-from common.input_error import CommandError
+from common.input_error import InputError
 
 
-class RecognitionError(CommandError, ValueError):
+class RecognitionError(InputError):
     """A model cannot be fitted, loaded or applied. The message is one line.
 
     >>> Fusion("sound").names
     Traceback (most recent call last):
     recognition.estimation.errors.RecognitionError: fusion 'sound'; choose one of energy, other, absolute, composite
     """
-
-    exit_code = 2
 
 
 class NotRecognised(RecognitionError):

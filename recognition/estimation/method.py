@@ -5,8 +5,6 @@ pass `sklearn.utils.estimator_checks.check_estimator`, which for X of three dime
 copy can be made. `ArrangementLikelihood` is no estimator: its records are objects.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, Self, runtime_checkable
@@ -40,7 +38,7 @@ class Method(Protocol):
         """
 
     def fit(self, X: Sequence[Any], y: Floats, *, groups: Groups | None = None,
-            nuisance: pd.DataFrame | None = None) -> Method:
+            nuisance: pd.DataFrame | None = None) -> Self:
         """Train on the features X of n runs of ratio y (n,), 0..1, and return the method itself.
 
         groups (n,): runs that share a value are held out together. nuisance: a row for each run, a column for each

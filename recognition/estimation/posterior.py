@@ -1,10 +1,9 @@
 """Draws from a posterior with several modes: each is climbed from many starts, t distributions about them are then
 drawn from by importance, and made alike to the posterior in some rounds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy.special import gammaln, logsumexp
@@ -70,7 +69,7 @@ class Mixture:
     root: Floats
 
     @classmethod
-    def of(cls, modes: Floats, covariances: Floats, height: Floats) -> Mixture:
+    def of(cls, modes: Floats, covariances: Floats, height: Floats) -> Self:
         """Of modes, by Laplace's evidence under the square root: none is forgotten that is nearly as likely."""
         root = np.linalg.cholesky(WIDER * covariances)
         evidence = height + np.log(np.einsum("mii->mi", root)).sum(axis=1)
@@ -98,7 +97,7 @@ class Mixture:
         """(k,)"""
         return np.asarray(logsumexp(self._log_parts(z), axis=1))
 
-    def nearer(self, z: Floats, weight: Floats) -> Mixture:
+    def nearer(self, z: Floats, weight: Floats) -> "Mixture":
         """Nearer to what weighted draws are of; a part of few draws stays as wide as it was."""
         parts = self._log_parts(z)
         own = np.exp(parts - logsumexp(parts, axis=1, keepdims=True)) * weight[:, None]

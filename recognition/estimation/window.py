@@ -1,9 +1,8 @@
 """The part of a record that a model takes: which signals, and how much of them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 import pandas as pd
@@ -41,7 +40,7 @@ class Window:
     anti_alias: bool = False
 
     @classmethod
-    def of(cls, runs: list[Run]) -> Window:
+    def of(cls, runs: list[Run]) -> Self:
         """The paper's 0.04 s, or as much of it as all runs have."""
         if not runs:
             raise RecognitionError(f"no runs; needs at least {LEAST_RATIOS} different mixing ratios")

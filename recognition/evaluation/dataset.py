@@ -1,7 +1,5 @@
 """A data set of many runs, as `gangue dataset` leaves it: DIRECTORY/FAMILY/GROUP/ratio_050."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from functools import cached_property
@@ -53,7 +51,7 @@ class DataSet:
         """Numbers of the runs of some families."""
         return np.flatnonzero(self.table["family"].isin(families))
 
-    def calibration(self) -> DataSet:
+    def calibration(self) -> "DataSet":
         """The runs of the plate, the materials and the agglomerates that most runs have; the others are passed over."""
         kinds = pd.Series([_kind(run) for run in self.runs])
         same = (kinds == kinds.mode()[0]).to_numpy()

@@ -1,11 +1,10 @@
 """Signature of one stone in the innovations, as a function of its arrival, duration, place, breaking and impulse."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +44,7 @@ class Bank:
 
     @classmethod
     def of(cls, plate: PlateModel, channels: Channels, forces: StoneForces, whitening: Whitening,
-           rate_Hz: float) -> Bank:
+           rate_Hz: float) -> Self:
         plate = plate.below(HIGHEST_SHARE * rate_Hz)
         observed = channels.observed(plate)[:2 if channels.rods else 1]
         responses = tuple((of, modal_table(plate, forces, rate_Hz, LAGS, amplitude=k == 1))
@@ -56,7 +55,7 @@ class Bank:
         empty = cls(responses, np.zeros(0, complex), fitted, _shapes(plate, half), half, rate_Hz, len(observed[0]))
         return empty.by(whitening)
 
-    def by(self, whitening: Whitening) -> Bank:
+    def by(self, whitening: Whitening) -> Self:
         """The same by another filter. It takes the memory of this one, which is no more."""
         self.fitted[:] = 0
         for response in self.responses:

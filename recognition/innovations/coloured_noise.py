@@ -8,9 +8,8 @@ Least squares on one half of the quiet give A and S; what they make of the other
 whether the noise stays what it is.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -34,12 +33,12 @@ class SensorNoise:
     change: float = 1.0
 
     @classmethod
-    def white(cls, deviation: Floats) -> SensorNoise:
+    def white(cls, deviation: Floats) -> Self:
         """Independent white noise of standard deviations (c,)."""
         return cls(np.diag(1 / deviation)[None])
 
     @classmethod
-    def of(cls, quiet: Floats, floor: float = 0.0) -> SensorNoise:
+    def of(cls, quiet: Floats, floor: float = 0.0) -> Self:
         """Learnt from channels (c, samples) in which nothing falls, with white noise of variance `floor` besides.
         numpy.linalg.LinAlgError for a channel without noise."""
         c, half = len(quiet), quiet.shape[1] // 2

@@ -5,10 +5,9 @@ impulse of a stone of given material, radius and speed are those of `StoneForces
 Gaussian over all of them in their place, so that one fit serves both materials and stones that differ.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -30,7 +29,7 @@ class StonePrior:
     radius_m: tuple[float, float]
     speed_m_s: tuple[float, float]
 
-    def widened(self) -> StonePrior:
+    def widened(self) -> Self:
         """Between limits that are farther apart: stones that differ from what is told are heard as well."""
         (small, large), (slow, fast) = self.radius_m, self.speed_m_s
         return replace(self, radius_m=(small / RADIUS_BEYOND, large * RADIUS_BEYOND),

@@ -9,10 +9,9 @@ Where the sensors' noise is coloured, it is made white first, by z[t] = sum_k W_
 that moves freely, x[t] = F x[t - 1], is seen in z by C' = sum_k W_k C F^-k: the state needs no more numbers.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +36,7 @@ class Whitening:
 
     @classmethod
     def of(cls, plate: PlateModel, channels: Channels, rate_Hz: float, noise: SensorNoise, rms: Floats,
-           phase_loss: float = 1.0) -> Whitening:
+           phase_loss: float = 1.0) -> Self:
         """The filter for channels whose signal has an rms (c,) where the noise was made white.
 
         phase_loss: factor on the rate at which the modes lose their phase.
@@ -52,7 +51,7 @@ class Whitening:
         taps = round(MEMORY_S * rate_Hz)
         return cls(_in_turn(noise.filter.transpose(1, 2, 0), _innovation_filter(step, observed, drive, taps)))
 
-    def then(self, noise: SensorNoise) -> Whitening:
+    def then(self, noise: SensorNoise) -> "Whitening":
         """This filter, and then what makes such noise of its innovations white."""
         return Whitening(_in_turn(self.response, noise.filter.transpose(1, 2, 0)))
 

@@ -11,10 +11,9 @@ With m = 1 it filters one response, with m > 1 it fuses them. Only q / r matters
 the filter needs no unit. It starts at the mean of the first samples with variance r / m, as measured.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 import pandas as pd
@@ -76,7 +75,7 @@ class Fusion(BaseEstimator):
         """The responses of one run, shape (m, n)."""
         return np.stack([plate_response(signals, name) for name in self.names])
 
-    def fit(self, responses: Floats) -> Fusion:
+    def fit(self, responses: Floats) -> Self:
         """Minima and maxima (m, 1) over all training runs together; responses: shape (runs, m, n). RecognitionError for
         one that never changes."""
         responses = self._responses(responses)
@@ -167,7 +166,7 @@ class MinMaxByTrend:
     maximum: Floats = field(init=False, repr=False)
     direction: Integers = field(init=False, repr=False)
 
-    def fit(self, x: Floats, directions: Integers) -> MinMaxByTrend:
+    def fit(self, x: Floats, directions: Integers) -> Self:
         """x: shape (n, p); directions: shape (p,), +1 or -1."""
         x = np.asarray(x, dtype=float)
         self.minimum, self.maximum = x.min(axis=0), x.max(axis=0)

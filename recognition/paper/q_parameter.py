@@ -4,8 +4,6 @@ Q is the weighted sum of eight standardised parameters; a quadratic Q(beta) is f
 the training runs and inverted for a new record.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Self
@@ -13,9 +11,10 @@ from typing import Self
 import numpy as np
 import pandas as pd
 
-from analysis import RecordError, as_record, base_parameters
+from analysis import as_record, base_parameters
 from analysis.signals.records import sample_rate_Hz
 from analysis.sweep.runs import Run
+from common.input_error import raised_as
 from recognition.estimation.arrays import Floats, Integers
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.estimation.method import RecordEstimator
@@ -44,7 +43,7 @@ class FusionQ(RecordEstimator):
     """
 
     scaler_: MinMaxByTrend = field(init=False, repr=False)
-    fit_: PolynomialFit = field(init=False, repr=False)
+    fit_: "PolynomialFit" = field(init=False, repr=False)
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
         """The eight base parameters of `a_m_s2` in a record and in its `noisy_copies`, shape (copies, 8). Raises
@@ -54,10 +53,8 @@ class FusionQ(RecordEstimator):
         rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), "t_s")
         every = [one["a_m_s2"].to_numpy(dtype=float) for one in noisy_copies(signals[["t_s", "a_m_s2"]])]
         records = [as_record(one, rate_Hz, unit="m/s^2", name="a_m_s2") for one in every]
-        try:
+        with raised_as(RecognitionError):
             return np.stack([base_parameters(record) for record in records])
-        except RecordError as reason:
-            raise RecognitionError(str(reason)) from None
 
     def learn(self, features: Floats, ratios: Floats) -> Self:
         """Scale with its directions (Eq. 39), and Q(beta), from parameters (n, p)."""

@@ -17,9 +17,8 @@ The paper offers polynomials, exponentials, logarithms and powers as functions. 
 polynomial a0 + a1 beta + ..., of a given degree, or of the lowest that reaches R^2.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 from sklearn.base import BaseEstimator
@@ -138,7 +137,7 @@ class Strategy(BaseEstimator):
         if self.judge not in JUDGES:
             raise RecognitionError(f"judge = {self.judge!r}; choose one of {', '.join(JUDGES)}")
 
-    def fit(self, curves: Floats, ratios: Floats) -> Strategy:
+    def fit(self, curves: Floats, ratios: Floats) -> Self:
         """curves: shape (n, K), QQ of the training runs; ratios: shape (n,), 0..1."""
         self.space_ = self.rule.fit(curves, ratios)
         return self

@@ -1,7 +1,5 @@
 """Fit of `recognition.physics.arrangement_likelihood` to simulated runs."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass

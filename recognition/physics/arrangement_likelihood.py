@@ -19,8 +19,6 @@ the same record mostly have the same ratio, though. To seek all ten forces inste
 Discrete Inverse Problems, 2010).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache

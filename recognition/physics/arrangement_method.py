@@ -7,12 +7,11 @@ frequency, damping and shape at each sensor and place is known from the taps wit
 that is off by one standard error is off at all times and channels together, and enters the covariance as such.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cache
+from typing import Self
 
 import numpy as np
 import pandas as pd
@@ -62,7 +61,7 @@ class ArrangementLikelihood:
                            _force_record(run, 1 / rate_Hz), None if run is None else fall_of(run))
 
     def fit(self, X: Sequence[PlateRecord], y: Floats, *, groups: Groups | None = None,
-            nuisance: pd.DataFrame | None = None) -> ArrangementLikelihood:
+            nuisance: pd.DataFrame | None = None) -> Self:
         """Train on the runs that have force records, stones that fall at once, and the places that most have. The
         conditions are those of the force records. RecognitionError where these runs, or the different stones in them,
         are too few."""
@@ -71,13 +70,13 @@ class ArrangementLikelihood:
         self.expected_, self.limits_, self.error_ = distance_reference(X, np.asarray(y), keys)
         return self
 
-    def at_impact(self) -> ArrangementLikelihood:
+    def at_impact(self) -> Self:
         """The same with an exact trigger."""
         known = copy(self)
         known.exact_trigger = True
         return known
 
-    def on_plate(self, plate: PlateModel) -> ArrangementLikelihood:
+    def on_plate(self, plate: PlateModel) -> Self:
         """The same on a plate that was learnt by tapping. RecognitionError where they do not fit each other."""
         other = copy(self)
         other.model_ = on_plate(self.model_, plate)

@@ -7,10 +7,9 @@ a grid of places and times (orthogonal matching pursuit: Pati, Rezaiifar, Krishn
 are fitted together.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +47,7 @@ class FallSearch:
     latest_s: float
 
     @classmethod
-    def of(cls, model: ArrangementModel, latest_s: float) -> FallSearch:
+    def of(cls, model: ArrangementModel, latest_s: float) -> Self:
         """For records of a model, whose stones arrive from LATEST_S before the beginning until latest_s, and HEARD_S
         before the end."""
         plate = FlexiblePlate.model_validate_json(model.plate_json)

@@ -10,8 +10,6 @@ by a mean and a covariance of coal and of gangue: where sizes scatter, impulses 
 normally distributed, by one covariance for both.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import lru_cache
 

@@ -1,8 +1,6 @@
 """What a simulated run shows besides its record: the force of each stone on the plate, and what the plate's model makes
 of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path

@@ -8,9 +8,8 @@ gangue, for all arrangements at once, and then, for those that are likely, about
 are nearly clones are known so well beforehand that they lie far from those of any stone where the plate's model errs.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -35,7 +34,7 @@ class NearRecord:
     log_determinant: float
 
     @classmethod
-    def of(cls, record: Floats, response: Floats, law: ForceLaw, log_determinant: float) -> NearRecord:
+    def of(cls, record: Floats, response: Floats, law: ForceLaw, log_determinant: float) -> Self:
         """Of a record (d,) and the responses (d, stones, k)."""
         of_one, covariance = of_either(law.mean[:, 0], law.covariance)
         mean = np.tile(of_one, (response.shape[1], 1))

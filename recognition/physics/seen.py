@@ -1,7 +1,5 @@
 """A plate's modes as the channels of a record see them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property

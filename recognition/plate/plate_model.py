@@ -14,8 +14,9 @@ from scipy.signal import lfilter
 
 from common.files.cache import user_cache
 from common.files.whole import read_sealed_json, write_sealed_json
+from common.input_error import raised_as
 from common.scene.plate import FlexiblePlate, read_plate
-from common.tables import InputError, refused_in
+from common.tables import refused_in
 from plate_fem.elements.mesh import bending_wavenumber, choose_theory
 from plate_fem.modes import plate_modes
 from recognition.estimation.arrays import Floats, finite
@@ -163,10 +164,8 @@ class PlateModel:
     @classmethod
     def load(cls, file: str | Path) -> Self:
         """Read what `save` wrote. RecognitionError, one line, for anything else."""
-        try:
+        with raised_as(RecognitionError):
             content = read_sealed_json(Path(file))
-        except InputError as error:
-            raise RecognitionError(str(error)) from None
         if content is None:
             raise RecognitionError(f"{file}: no such file")
         return _decoded(cls, content, Path(file))

@@ -2,8 +2,6 @@
 the law of these features (`ratio_law`), which tells records out of distribution.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -16,8 +14,8 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
 from analysis.signals.features import FEATURES, sensor_features
-from analysis.signals.records import RecordError
 from analysis.sweep.runs import Run
+from common.input_error import raised_as
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats, finite, training
 from recognition.estimation.calibration import (
@@ -45,7 +43,7 @@ class FeatureRegression(RecordEstimator):
     """
 
     features: str
-    model_: ProcessModel = field(init=False, repr=False)
+    model_: "ProcessModel" = field(init=False, repr=False)
     error_: float = field(init=False, repr=False)
     limits_: Floats = field(init=False, repr=False)
 
@@ -58,10 +56,8 @@ class FeatureRegression(RecordEstimator):
         """Features of the record and of its `noisy_copies`, shape (copies, p)."""
         early = samples_before_impact(channels_of(signals, "accelerometers"))
         every = [channels_of(one, "accelerometers") for one in noisy_copies(signals.iloc[early:])]
-        try:
+        with raised_as(RecognitionError):
             return np.stack([sensor_features(self.features, one) for one in every])
-        except RecordError as reason:
-            raise RecognitionError(str(reason)) from None
 
     def fit(self, X: Sequence[Floats] | Floats, y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> Self:
@@ -71,7 +67,7 @@ class FeatureRegression(RecordEstimator):
         conditions = None if nuisance is None else nuisance.to_numpy(dtype=float)
         keys = None if groups is None else np.asarray(groups)
 
-        def model(which: Any) -> ProcessModel:
+        def model(which: Any) -> "ProcessModel":
             of = [None if values is None else values[which] for values in (conditions, keys)]
             return fit_process(features[which], y[which], *of)
 

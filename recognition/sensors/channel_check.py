@@ -4,8 +4,6 @@ What can be told is taken away (offset, hum) or told (gains); what cannot be exp
 bending mode a plate hardly accelerates: there the offset and the hum stand alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isnan, nan
@@ -46,7 +44,7 @@ class ChannelReport:
     taken away or is worth knowing, one line each; refused: why the record cannot be used, one line each."""
 
     signals: Floats
-    hum: Hum
+    hum: "Hum"
     ringing: Ringing | None
     told: tuple[str, ...]
     refused: tuple[str, ...]
@@ -112,7 +110,7 @@ def _onset(signals: Floats) -> int:
     return int((size > ONSET_SHARE * size.max(axis=1, keepdims=True)).any(axis=0).argmax())
 
 
-def _told_of_hum(hum: Hum, peak: Floats, names: tuple[str, ...]) -> list[str]:
+def _told_of_hum(hum: "Hum", peak: Floats, names: tuple[str, ...]) -> list[str]:
     told = []
     for name, offset, amplitude, most in zip(names, hum.offset, hum.amplitude, peak, strict=True):
         if abs(offset) > LEAST_HUM * most:

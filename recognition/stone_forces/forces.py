@@ -14,18 +14,17 @@ Stones that are struck fast enough break, whatever their size: s and J become sm
 breaks depends on material and speed; a and e of broken stones are those of both materials together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from common.files.whole import read_sealed_json, write_sealed_json
-from common.tables import InputError
+from common.input_error import raised_as
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 
@@ -110,7 +109,7 @@ class StoneForces:
     density_kg_m3: Floats
 
     @classmethod
-    def fit(cls, histories: Sequence[History]) -> StoneForces:
+    def fit(cls, histories: Sequence[History]) -> Self:
         """The law of histories, of which each material needs at least four that stay whole (ValueError)."""
         form = _forms(histories)
         rows = np.array([heard_of(h, form) - _of_size(h.radius_m, h.speed_m_s, h.mass_kg) for h in histories])
@@ -228,10 +227,8 @@ def save_forces(forces: StoneForces, file: Path) -> None:
 
 def load_forces(file: Path = SHIPPED) -> StoneForces:
     """Read what `save_forces` wrote. RecognitionError, one line, for anything else."""
-    try:
+    with raised_as(RecognitionError):
         content = read_sealed_json(file)
-    except InputError as error:
-        raise RecognitionError(str(error)) from None
     names = {field.name for field in fields(StoneForces)}
     if content is None or content.get("format") != FORMAT or set(content) - {"sha256", "format"} != names:
         raise RecognitionError(f"{file}: no law of the stones' forces; `gangue learn-forces` writes one")

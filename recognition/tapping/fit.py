@@ -8,11 +8,9 @@ modes are sought: another thickness moves all alike, another theory of shear mov
 A force is as measured, or hats in time, where it was only a tap.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field
@@ -44,7 +42,7 @@ class Force:
     def deviation(self) -> Floats:
         return np.full(self.coefficients.size, LARGEST_N)
 
-    def moved(self, step: Floats) -> Force:
+    def moved(self, step: Floats) -> Self:
         return replace(self, coefficients=self.coefficients + step)
 
     def basis(self, found: Spectra) -> np.ndarray:
@@ -141,7 +139,7 @@ class Place:
     def vector(self) -> Floats:
         return np.concatenate([self.shift_m, self.beyond, self.force.coefficients])
 
-    def moved(self, step: Floats) -> Place:
+    def moved(self, step: Floats) -> "Place":
         start = 2 + self.beyond.size
         return Place(self.shift_m + step[:2], self.beyond + step[2:start], self.force.moved(step[start:]))
 
@@ -151,7 +149,7 @@ class State:
     parameters: Parameters
     places: tuple[Place, ...]
 
-    def moved(self, step: Floats) -> State:
+    def moved(self, step: Floats) -> "State":
         start, places = self.parameters.vector.size, []
         for place in self.places:
             places.append(place.moved(step[start:start + place.vector.size]))

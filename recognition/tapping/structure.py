@@ -10,8 +10,6 @@ Z(s) = Omega (1 + 2 S) Omega + s C + s^2 the acceleration of sensor i under the 
 S, the damping C = diag(2 zeta omega), the gains g and small shifts of sensors and places are fitted.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -34,7 +32,7 @@ class Parameters:
     log_gain: Floats
     sensor_shift_m: Floats
 
-    def moved(self, step: Floats) -> Parameters:
+    def moved(self, step: Floats) -> "Parameters":
         """By a step (size,) in the order of the fields."""
         parts, start = [], 0
         for value in (self.coupling, self.log_damping, self.log_gain, self.sensor_shift_m):

@@ -14,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 
 from common.files.output_directory import is_sealed_as, refuse_file
 from common.files.whole import written_whole
+from common.input_error import optional_library
 from common.process.messages import told
 from common.result import Result
 from common.tables import Place, Table, about, check, read_toml
@@ -230,11 +231,7 @@ def is_own(content: bytes) -> bool:
 def write_modes(file: Path, plate: PlateModel) -> None:
     """Write the points of the plate's grid as nodes from 1, row by row along x (dataset 15), and each mode as their
     vertical displacement in kg^-1/2, at a modal mass of 1 (dataset 55). Raises RecognitionError without pyuff."""
-    try:
-        import pyuff
-    except ImportError:
-        raise RecognitionError(f"{file}: UFF needs the package pyuff (pip install pyuff)") from None
-
+    pyuff = optional_library("pyuff", f"{file}: UFF", "pyuff", RecognitionError)
     x, y = (grid.ravel() for grid in np.meshgrid(plate.lines_x_m, plate.lines_y_m, indexing="ij"))
     nodes, ones, none = np.arange(1, x.size + 1), np.ones(x.size, dtype=int), np.zeros(x.size)
     same = {"model_type": 1, "analysis_type": 2, "data_ch": 2, "spec_data_type": 8, "data_type": 2,

@@ -11,11 +11,10 @@ plate, and a factor by which all impulses differ. To this comes the noise of the
 is N = T^2/Q, their number where all are alike.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from typing import Self
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
@@ -53,7 +52,7 @@ class Moments:
 
     @classmethod
     def of(cls, plate: PlateModel, sensors: tuple[int, ...], stones: Stones, forces: StoneForces,
-           noise: Floats) -> Moments:
+           noise: Floats) -> Self:
         plate = plate.below(HIGHEST_Hz)
         widths = [round(spread_s / DELAY_STEP_S) + 1 for spread_s in SPREADS_S]
         a = Responses.of(plate, stones, forces, max(widths) + PHASES - 1)
@@ -144,7 +143,7 @@ class Likelihood:
 
     @classmethod
     def of(cls, moments: Moments, parts: Floats, totals: tuple[float, float],
-           numbers: tuple[float, float]) -> Likelihood:
+           numbers: tuple[float, float]) -> Self:
         """Of parts (s, c, n) of a record, one an arrival, between two total impulses and two effective numbers."""
         log_total, log_number = _nodes(totals, TOTAL_STEP), _nodes(numbers, NUMBER_STEP)
         x = np.einsum("rcn,scn->sr", moments.basis, parts)

@@ -3,11 +3,10 @@
 Impulses are those of each number of stones that is told, of gangue among them, and each speed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from scipy.special import logsumexp
@@ -58,7 +57,7 @@ class Hypotheses:
     squares: Floats
 
     @classmethod
-    def of(cls, stones: Stones, forces: StoneForces) -> Hypotheses:
+    def of(cls, stones: Stones, forces: StoneForces) -> Self:
         fewest, most = stones.counts
         low, high = stones.speeds_m_s
         rows = np.array([(number, gangue, speed, 1 / (number + 1)) for number in range(fewest, most + 1)

@@ -4,10 +4,9 @@ Only frequencies below the Nyquist frequency of every third sample count: there 
 suffice, and stones that arrive within 0.1 ms are nearly one push.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from types import SimpleNamespace
+from typing import Self
 
 import numpy as np
 from scipy.signal import resample_poly
@@ -46,7 +45,7 @@ class Responses:
     by_damping: Floats
 
     @classmethod
-    def of(cls, plate: PlateModel, stones: Stones, forces: StoneForces, delays: int) -> Responses:
+    def of(cls, plate: PlateModel, stones: Stones, forces: StoneForces, delays: int) -> Self:
         """Of a plate with no modes above HIGHEST_Hz."""
         f, zeta = plate.frequency_Hz, plate.damping_ratio
         fine = round((BEFORE_S + LENGTH_S + MARGIN * DECIMATION / RATE_Hz) / FINE_S)

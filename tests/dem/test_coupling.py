@@ -215,7 +215,7 @@ def test_a_stone_that_another_strikes_just_above_the_plate_is_felt(tmp_path, mon
             "stones.gap_m": 1e-7, "time.duration_s": 2.25e-4, "time.sample_interval_s": 4.5e-5, "time.view_interval_s": None,
             "time.free_flight_tolerance": 0.0, "contacts.gangue_gangue": {"restitution": 1.0, "friction": 0.0}})
         run_scene(scene, "struck", tmp_path / str(number))
-        return pd.read_parquet(tmp_path / str(number) / "stones.parquet")["impulse_Ns"][1]
+        return pd.read_parquet(tmp_path / str(number) / "stones.parquet")["impulse_N_s"][1]
 
     expected = impulse_N_s("often", 1.1e-4)
     with_weak_contact(monkeypatch, "1e9 1e9 64 64")

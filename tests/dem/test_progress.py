@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dem.run.run import Progress
+from dem.run.progress import Progress
 
 #: Simulated and processor time of runs of scenes/single.toml, paper.toml (10 ms and whole), stream.toml (0.35 s),
 #: polyhedra.toml and wide.toml (0.2 s), beside which the rule was chosen; and of listening.toml and sizes.toml (3 ms).

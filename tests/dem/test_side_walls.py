@@ -175,7 +175,7 @@ def test_forces_on_walls_are_kept_and_do_not_load_the_plate(in_chute):
     assert set(walls["wall"]) == {"y_minus", "y_plus"} and walls["t_s"].is_monotonic_increasing
     outwards = walls["force_y_N"] * np.where(walls["wall"] == "y_plus", 1, -1)
     assert outwards.min() > -0.05 * outwards.max()  # the stock dashpot pulls a little as a contact ends
-    assert stones["impulse_Ns"].sum() == pytest.approx(free["impulse_N_s"])
+    assert stones["impulse_N_s"].sum() == pytest.approx(free["impulse_N_s"])
 
 
 def engine_ends(directory, resume=0):
