@@ -20,6 +20,7 @@ class FeaturesResult(Result):
     left_out: str | None = None
 
     def words(self) -> Iterator[str]:
+        yield f"# {self.record}, {self.samples} samples at {self.rate_Hz:.6g} Hz"
         yield f"{'name':<28} {'value':>14}  unit"
         for feature in self.features.values():
             yield f"{feature.name:<28} {feature.value:>14.6g}  {feature.unit}"

@@ -41,7 +41,7 @@ UNIT_BY_SUFFIX = {
     "_N": "N",
     "_J": "J",
 }
-UNITS = {*UNIT_BY_SUFFIX.values(), "ms", "us", "min", "h", "g", "kg", "mm", "mm/s", "mm/s^2",
+UNITS = {*UNIT_BY_SUFFIX.values(), "ms", "us", "ns", "min", "h", "g", "kg", "mm", "mm/s", "mm/s^2",
          "kN", "V", "mV", "mA", "%", "-"}
 
 
@@ -62,7 +62,8 @@ def force_column(number: int) -> str:
 
 def plain_unit(text: str) -> str:
     """A unit in the spelling of this project: m/s^2 for [m/s²]."""
-    for old, new in (("²", "^2"), ("s2", "s^2"), ("**2", "^2"), ("\u00b5", "u"), ("\u03bc", "u"), ("sec", "s")):
+    text = re.sub("sec(onds?|s)?(?![a-z])", "s", text)
+    for old, new in (("²", "^2"), ("s2", "s^2"), ("**2", "^2"), ("\u00b5", "u"), ("\u03bc", "u")):
         text = text.replace(old, new)
     return text.strip().strip("[]()").strip()
 

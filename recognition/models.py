@@ -340,7 +340,7 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         data = json.loads(path.read_text())
     except (OSError, ValueError, RecursionError) as error:
-        raise RecognitionError(f"{path}: not a readable model ({error})") from None
+        raise RecognitionError(f"{path}: not a readable model ({getattr(error, 'strerror', None) or error})") from None
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise RecognitionError(f"{path}: format is not {FORMAT!r}")
     if data.get("version") != VERSION:

@@ -3,6 +3,7 @@ UFF-58, HDF5, MATLAB and LabVIEW."""
 
 from __future__ import annotations
 
+import logging
 import struct
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,14 +18,18 @@ from analysis.files.array_files import Arrays, read_hdf5, read_lvm, read_matlab,
 from analysis.files.text_tables import is_date, read_plain_table, read_text_table
 from analysis.files.uff_files import OF_A_TABLE, as_tap, impulse_response, read_uff
 from analysis.signals.records import (
+    READ_AS_S,
+    TIME_COLUMNS,
     Channels,
     Record,
     RecordError,
+    check_rate,
     chosen,
-    last_digit_s,
+    name_and_unit_of_time,
+    refuse_other_unit,
     refuse_scale,
-    sample_rate_Hz,
     seconds,
+    timed_record,
 )
 from common.channels import name_and_unit, plain_unit, unit_of
 from common.files.parquet import read_numbers, read_parquet
@@ -79,13 +84,14 @@ def _channels(path: Path, samples: np.ndarray, rate_Hz: float) -> Channels:
 if TYPE_CHECKING:
     import pandas as pd
 
+_log = logging.getLogger(__name__)
 MOST_BYTES = 4e9
+SLOW_Hz = 100.0  # for vibration
 SHORT_BYTES = 3e6  # of a table that is read sooner than pandas is imported
 TABLES = (".parquet", ".csv", ".txt")
 CHANNELS = {".wav": read_wav, ".flac": read_flac, ".uff": read_uff, ".unv": read_uff}
 ARRAYS = {".mat": read_matlab, ".h5": read_hdf5, ".hdf5": read_hdf5, ".lvm": read_lvm, ".tdms": read_tdms}
 ENDINGS = (*TABLES, *CHANNELS, *ARRAYS)
-TIME_COLUMNS = ("t_s", "time_s", "time", "t")
 # What such a column is called elsewhere, without the unit that follows in brackets.
 TIME_WORDS = (*TIME_COLUMNS, "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время", "时间", "時間")
 
@@ -115,6 +121,7 @@ def read_record(
     (267, 'mm/s^2')
     """
     path = Path(path)
+    unit = plain_unit(unit) if unit else None
     refuse_scale(path, scale, unit)
     if path.is_dir():
         path = path / "signals.parquet"
@@ -130,9 +137,10 @@ def read_record(
         if time is not None:
             raise RecordError(f"{path}: no column of times {time!r}; a file with its own sample rate has none")
         record = chosen(path, column, CHANNELS[ending](path))
-        _check_rate(record.name, rate_Hz, record.rate_Hz, "the file")
+        check_rate(record.name, rate_Hz, record.rate_Hz, "the file")
     else:
         raise RecordError(f"{path}: ending {path.suffix!r}; needs one of {', '.join(ENDINGS)}")
+    refuse_other_unit(record.name, scale, unit, record.unit)
     return replace(record, values=scale * record.values, unit=unit or record.unit)
 
 
@@ -174,7 +182,8 @@ def _with_unit(name: str, unit: str) -> str:
 
 def read_table(path: str | Path, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Return a Parquet or text table (`analysis.files.text_tables`); columns of a text without names are "0", "1", ...,
-    an index with a name is a column, and dates, ISO 8601 where they are text, are seconds from the first one.
+    an index with a name is a column, and dates, ISO 8601 where they are text, and times of day are seconds from the
+    first one.
 
     columns: those wanted of a Parquet table, which takes as many times less to read; all if None.
     Raises RecordError if it cannot be read, lacks one of them, or if a column appears twice.
@@ -199,7 +208,9 @@ def read_table(path: str | Path, columns: Sequence[str] | None = None) -> pd.Dat
     if not table.columns.is_unique:
         raise RecordError(f"{path}: column {table.columns[table.columns.duplicated()][0]!r} appears twice")
     for text in table.columns[[is_date(one) for one in table.iloc[0]]] if len(table) else ():
-        table[text] = pd.to_datetime(table[text], format="ISO8601", utc=True, errors="coerce")
+        of_day = ":" in table[text].iloc[0][:3]
+        table[text] = (pd.to_timedelta(table[text], errors="coerce") if of_day else
+                       pd.to_datetime(table[text], format="ISO8601", utc=True, errors="coerce"))
     for name in table.select_dtypes(["datetime", "datetimetz", "timedelta"]):  # pandas would count them in ns
         table[name] = (table[name] - table[name].min()).dt.total_seconds()
     return table
@@ -246,7 +257,10 @@ def _from_table(table: Mapping[str, Any], source: str, column: str | None, time:
     t_s = None if time is None else seconds(time, _numbers(table[time]), source)
     if asked is None and rate_Hz is not None and t_s is not None and np.isnan(t_s).all():
         time = t_s = None  # of text that is no date
-    return _record(f"{source}: {column}", _numbers(table[column]), unit_of(column), rate_Hz, time, t_s)
+    record = timed_record(f"{source}: {column}", _numbers(table[column]), unit_of(column), rate_Hz, time, t_s)
+    if time is not None and name_and_unit_of_time(time)[1] is None and record.rate_Hz < SLOW_Hz:
+        _log.warning("note: %s: %.6g Hz by its %s; %s", source, record.rate_Hz, time, READ_AS_S)
+    return record
 
 
 def _from_arrays(arrays: Arrays, source: str, column: str | None, time: str | None, rate_Hz: float | None) -> Record:
@@ -257,47 +271,15 @@ def _from_arrays(arrays: Arrays, source: str, column: str | None, time: str | No
     time = _time_of(list(beside), source, time)
     if time is not None:
         t_s = seconds(time, beside[time], source)
-        return _record(f"{source}: {column}", values, unit, rate_Hz, time, t_s)
+        return timed_record(f"{source}: {column}", values, unit, rate_Hz, time, t_s)
     found = arrays.rate_Hz(column)
     if found is not None:
-        _check_rate(f"{source}: {column}", rate_Hz, found, "the file")
-    return _record(f"{source}: {column}", values, unit, found or rate_Hz, None, None)
-
-
-def _record(name: str, values: np.ndarray, unit: str, rate_Hz: float | None, time: str | None,
-            t_s: np.ndarray | None) -> Record:
-    """A record with the rate of its times, or with `rate_Hz` where it has none, or where rounding makes them uneven."""
-    if t_s is None:
-        if rate_Hz is None:
-            raise RecordError(f"{name}: no times ({', '.join(TIME_COLUMNS)}); give the sample rate, or the name of the "
-                              "column of times")
-        return Record(values, rate_Hz, unit, name)
-    try:
-        found = sample_rate_Hz(t_s, f"{name}: {time}", may_be_rounded=rate_Hz is None)
-    except RecordError as error:
-        if rate_Hz is None:
-            raise RecordError(f"{error}; where times are rounded, give the sample rate") from None
-        if not _agrees(t_s, rate_Hz):
-            raise
-        found = rate_Hz
-    _check_rate(name, rate_Hz, found, f"its column {time}")
-    return Record(values, found, unit, name, float(t_s[0]))
-
-
-def _agrees(t_s: np.ndarray, rate_Hz: float) -> bool:
-    """Whether times are those of a rate, all rounded to as many digits as they have, or to single precision."""
-    if not (np.isfinite(t_s).all() and rate_Hz > 0):
-        return False
-    return bool(np.ptp(t_s.astype(float) - np.arange(t_s.size) / rate_Hz) <= last_digit_s(t_s) * (1 + 1e-6))
-
-
-def _check_rate(name: str, given_Hz: float | None, found_Hz: float, where: str) -> None:
-    if given_Hz is not None and not np.isclose(given_Hz, found_Hz, rtol=0.01):
-        raise RecordError(f"{name}: rate_Hz = {given_Hz:g}; {where} says {found_Hz:.6g}")
+        check_rate(f"{source}: {column}", rate_Hz, found, "the file")
+    return timed_record(f"{source}: {column}", values, unit, found or rate_Hz, None, None)
 
 
 def _says_time(name: str) -> bool:
-    return name_and_unit(name)[0].lower() in TIME_WORDS
+    return name_and_unit_of_time(name)[0].lower() in TIME_WORDS
 
 
 def _last(name: str) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.signals.records import Record, RecordError
+from analysis.signals.records import Record, RecordError, Signal, as_record
 
 #: Stopping rules of the sifting, by name, with PyEMD's arguments for each.
 #: fixed_10: ten siftings for every IMF (Wu and Huang 2009), the fastest, whose cost is linear in the length.
@@ -51,8 +51,8 @@ class Decomposition:
         return np.sum(self.imfs**2, axis=1) / self.record.rate_Hz
 
 
-def decompose(record: Record, rule: str = DEFAULT_RULE) -> Decomposition:
-    """Decompose a record into intrinsic mode functions.
+def decompose(signal: Signal, rule: str = DEFAULT_RULE) -> Decomposition:
+    """Decompose a signal, of which `as_record` makes a record, into intrinsic mode functions.
 
     Raises RecordError for an unknown rule or a constant record.
 
@@ -63,6 +63,7 @@ def decompose(record: Record, rule: str = DEFAULT_RULE) -> Decomposition:
     """
     from analysis.signals.sifting import LeanEMD  # late: PyEMD is slow to import
 
+    record = as_record(signal)
     if rule not in STOPPING_RULES:
         raise RecordError(f"{record.name}: stopping rule {rule!r}; choose one of {', '.join(STOPPING_RULES)}")
     offset, scale = record.values.mean(), record.values.std()

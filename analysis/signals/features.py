@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from analysis.signals.records import Record, RecordError
+from analysis.signals.records import Record, RecordError, Signal, as_record
 
 if TYPE_CHECKING:
     from analysis.signals.emd import Decomposition
@@ -225,34 +225,36 @@ def features_of(record: Record) -> tuple[dict[str, Feature], str]:
     """Return all parameters of Figure 23 by name, in a fixed order, and why those of IMFs are not among them, "" if
     they are. Raises as `signal_features`."""
     found, of_imfs, times = _every_feature(record)
-    if times <= MOST_ENERGY:
+    if 0 < times <= MOST_ENERGY:
         return found, ""
+    why = ("it has too few extrema for one" if times == 0 else
+           f"they would hold {times:.3g} times the record's energy, where at most {MOST_ENERGY:g} are allowed; take a "
+           "part without quiet")
     return ({name: f for name, f in found.items() if name not in of_imfs},
-            f"{record.name}: IMFs and their spectrum: they would hold {times:.3g} times the record's energy, "
-            f"where at most {MOST_ENERGY:g} are allowed; take a part without quiet")
+            f"{record.name}: IMFs and their spectrum: {why}")
 
 
-def signal_features(record: Record) -> dict[str, Feature]:
-    """Return all parameters of Figure 23 by name, in a fixed order; those of IMFs that overshoot are left out, and a
-    warning says so.
+def signal_features(signal: Signal) -> dict[str, Feature]:
+    """Return all parameters of Figure 23 by name, in a fixed order; those of IMFs that overshoot, or are
+    none, are left out, and a warning says so.
 
     Raises RecordError for a record of constant value, or samples too large or too small for a parameter.
 
     >>> signal_features(Record([1.0, -1.0] * 50, rate_Hz=100.0))["waveform_index"].value
     1.0
     """
-    found, left_out = features_of(record)
+    found, left_out = features_of(as_record(signal))
     if left_out:
         warnings.warn(f"left out: {left_out}", stacklevel=2)
     return found
 
 
-def base_parameters(record: Record) -> np.ndarray:
+def base_parameters(signal: Signal) -> np.ndarray:
     """Return the eight parameters of Q (Eq. 40) in the order of BASE_PARAMETERS, as the paper takes them: also of IMFs
     that overshoot. Raises as `signal_features`.
 
     >>> base_parameters(read_run("runs/paper/ratio_030").record("a_m_s2")).shape
     (8,)
     """
-    found = _every_feature(record)[0]
+    found = _every_feature(as_record(signal))[0]
     return np.array([found[name].value for name in BASE_PARAMETERS])

@@ -6,13 +6,15 @@ frequency f = (d phi / d t) / (2 pi). The marginal spectrum of a frequency bin b
     h(b) = 1/df * sum over IMFs of the integral of a (or a^2) over the time f is in b.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.fft import fft, ifft
 
-from analysis.signals.emd import Decomposition
-from analysis.signals.records import Record, RecordError
+from analysis.signals.emd import Decomposition, decompose
+from analysis.signals.records import Record, RecordError, Signal
 
 #: The Fourier resolution of the paper's window of 0.04 s.
 BIN_WIDTH_HZ = 25.0
@@ -97,10 +99,15 @@ def frequency_edges_Hz(rate_Hz: float, bin_width_Hz: float) -> np.ndarray:
     return np.arange(max(1, int(np.ceil(0.5 * rate_Hz / bin_width_Hz))) + 1) * bin_width_Hz
 
 
+def _decomposed(signal: Decomposition | Signal) -> Decomposition:
+    return signal if isinstance(signal, Decomposition) else decompose(signal)
+
+
 def marginal_spectrum(
-    decomposition: Decomposition, *, kind: str = "amplitude", bin_width_Hz: float = BIN_WIDTH_HZ
+    signal: Decomposition | Signal, *, kind: str = "amplitude", bin_width_Hz: float = BIN_WIDTH_HZ
 ) -> MarginalSpectrum:
-    """Return the marginal spectrum of all IMFs, from 0 to half the sample rate in equal bins.
+    """Return the marginal spectrum of all IMFs of a decomposition or a signal, from 0 to half the sample rate in equal
+    bins.
 
     The kind is "amplitude" (integral of a) or "energy" (integral of a^2). The last bin reaches past half the sample
     rate if the width does not divide it. Raises RecordError for another kind, or a width not > 0.
@@ -111,6 +118,7 @@ def marginal_spectrum(
     """
     if kind not in ("amplitude", "energy"):
         raise RecordError(f"kind = {kind!r}; choose amplitude or energy")
+    decomposition = _decomposed(signal)
     rate_Hz = decomposition.record.rate_Hz
     edges_Hz = frequency_edges_Hz(rate_Hz, bin_width_Hz)
     sums, everything = np.zeros(edges_Hz.size - 1), 0.0
@@ -126,10 +134,10 @@ def marginal_spectrum(
 
 
 def hilbert_spectrum(
-    decomposition: Decomposition, *, bin_width_Hz: float = BIN_WIDTH_HZ, times: int = 100
+    signal: Decomposition | Signal, *, bin_width_Hz: float = BIN_WIDTH_HZ, times: int = 100
 ) -> HilbertSpectrum:
-    """Return the Hilbert spectrum on equal cells of frequency and time. Raises RecordError for a width that is not > 0,
-    and no times.
+    """Return the Hilbert spectrum, of a decomposition or a signal, on equal cells of frequency and time. Raises
+    RecordError for a width that is not > 0, and no times.
 
     >>> record = Record(np.cos(2 * np.pi * 70 * np.arange(1000) / 1e3), rate_Hz=1000.0)
     >>> spectrum = hilbert_spectrum(decompose(record), bin_width_Hz=20.0, times=4)
@@ -138,6 +146,7 @@ def hilbert_spectrum(
     """
     if times < 1:
         raise RecordError(f"times = {times}; must be at least 1")
+    decomposition = _decomposed(signal)
     record = decomposition.record
     edges_Hz = frequency_edges_Hz(record.rate_Hz, bin_width_Hz)
     edges_s = record.t0_s + np.linspace(0, record.values.size / record.rate_Hz, times + 1)

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,8 +26,10 @@ MAX_TIME_JITTER = 0.01
 # Rounded times are up to their last digit off even ones from the first to the last; a lost sample moves them by half an
 # interval, less a digit. More digits in an interval than this tell one from the other.
 DIGITS_OF_AN_INTERVAL = 4
+TIME_COLUMNS = ("t_s", "time_s", "time", "t")
 READ_AS_S = "times without a unit are read in s: a column in ms must be called t [ms]"
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+RAW = ("1", "-", "%", "V", "mV", "mA")  # units of samples that a sensor's calibration is still to come for
 LEAST_INTERVAL_s = 1e-12  # of which a rate, and its whole number, are far from the ends of what numbers hold
 
 
@@ -57,10 +59,12 @@ class Record:
     t0_s: float = 0.0
 
     def __post_init__(self) -> None:
-        if np.iscomplexobj(self.values):
-            raise RecordError(f"{self.name}: complex numbers; needs real ones")
         try:
+            if (kind := np.asanyarray(self.values).dtype.kind) in "cmM":
+                raise RecordError(f"{self.name}: {'complex numbers' if kind == 'c' else 'dates'}; needs real numbers")
             values = np.ma.filled(np.asanyarray(self.values, dtype=float), np.nan)
+        except RecordError:
+            raise
         except (TypeError, ValueError):
             raise RecordError(f"{self.name}: every sample must be a number") from None
         if values.ndim != 1 or values.size < 2:
@@ -68,12 +72,15 @@ class Record:
         if not np.all(np.isfinite(values)):
             first = int(np.flatnonzero(~np.isfinite(values))[0])
             raise RecordError(f"{self.name}: sample {first} is {values[first]}; every sample must be finite")
-        if not (np.isfinite(self.rate_Hz) and self.rate_Hz > 0):
-            raise RecordError(f"{self.name}: rate_Hz = {self.rate_Hz}; must be finite and > 0")
-        if not np.isfinite(self.t0_s):
-            raise RecordError(f"{self.name}: t0_s = {self.t0_s}; must be finite")
         object.__setattr__(self, "values", values)
-        object.__setattr__(self, "rate_Hz", float(self.rate_Hz))
+        for key, above, allowed in (("rate_Hz", 0.0, " and > 0"), ("t0_s", -np.inf, "")):
+            try:
+                number = float(getattr(self, key))
+            except (TypeError, ValueError):
+                number = np.nan
+            if not above < number < np.inf:
+                raise RecordError(f"{self.name}: {key} = {getattr(self, key)}; must be finite{allowed}")
+            object.__setattr__(self, key, number)
 
     @property
     def dt_s(self) -> float:
@@ -94,15 +101,28 @@ def refuse_scale(source: object, scale: float, unit: str | None) -> None:
         raise RecordError(f"{source}: scale = {scale:g}; needs the unit of the scaled samples as well, such as m/s^2")
 
 
+def refuse_other_unit(source: object, scale: float, unit: str | None, own: str) -> None:
+    """RecordError for another unit than the `own` one of samples that no scale takes from one to the other."""
+    if scale == 1.0 and unit is not None and own not in (unit, *RAW):
+        raise RecordError(f"{source}: unit = {unit!r}; samples are in {own!r}, and no scale goes from one to the other")
+
+
+def name_and_unit_of_time(name: str) -> tuple[str, str | None]:
+    """("Zeit", "ms") of "Zeit [ms]" or "Zeit_ms"; None where there is no unit."""
+    word, unit = name_and_unit(name)
+    stem, _, last = word.rpartition("_")
+    return (stem, last) if unit is None and last in SECONDS else (word, unit)
+
+
 def seconds(name: str, times: np.ndarray, source: str) -> np.ndarray:
     """Times in s by the unit behind their name, in brackets or after "_", s where there is none."""
-    last = name.rpartition("_")[2]
-    unit = name_and_unit(name)[1] or (last if last in SECONDS else "s")
+    unit = name_and_unit_of_time(name)[1] or "s"
     if unit not in SECONDS:
         raise RecordError(f"{source}: times {name!r} in {unit!r}; allowed are {', '.join(SECONDS)}")
     return SECONDS[unit] * times
 
 
+Signal: TypeAlias = "ArrayLike | pd.Series | Record"  # of which `as_record` makes a Record
 Channels = dict[str, Callable[[], Record]]  # of a file, by name
 
 
@@ -113,9 +133,9 @@ def sample_rate_Hz(t_s: np.ndarray, source: str, may_be_rounded: bool = True) ->
     steps = np.diff(t_s)
     if steps.size == 0:
         raise RecordError(f"{source}: has {t_s.size} samples; must have at least 2")
-    if not np.all(np.isfinite(t_s)) or np.any(steps <= 0):
+    if not (rise := np.append(np.isfinite(t_s[0]), steps > 0)).all():
         raise RecordError(f"{source}: times must be finite numbers, or dates such as 2026-11-28T10:00:00.001, and rise "
-                          "from sample to sample")
+                          f"from sample to sample; sample {rise.argmin()} does not")
     dt_s = (t_s[-1] - t_s[0]) / steps.size
     worst = int(np.argmax(np.abs(steps - dt_s)))
     if abs(steps[worst] - dt_s) > MAX_TIME_JITTER * dt_s and not (may_be_rounded and _even_but_rounded(t_s, dt_s)):
@@ -155,13 +175,13 @@ def chosen(path: str | Path, asked: str | None, channels: Channels) -> Record:
 
 
 def as_record(
-    signal: ArrayLike | pd.Series | Record, rate_Hz: float | None = None, *, unit: str | None = None,
+    signal: Signal, rate_Hz: float | None = None, *, unit: str | None = None,
     name: str | None = None,
 ) -> Record:  # fmt: skip
     """Return a Record from an array with its rate, from a pandas Series, or from a Record.
 
     A Series needs no rate if its index is the time in seconds, or in the unit behind its name, a DatetimeIndex or a
-    TimedeltaIndex. Its unit is that behind its name.
+    TimedeltaIndex. Its unit is that behind its name. A unit and a name count instead of those of a Series or a Record.
     Raises RecordError for a missing rate, or one that differs from that of the record, and for what is no real number.
 
     >>> import pandas as pd
@@ -171,11 +191,11 @@ def as_record(
     if isinstance(signal, Record):
         if rate_Hz is not None and not np.isclose(rate_Hz, signal.rate_Hz, rtol=1e-6):
             raise RecordError(f"{signal.name}: rate_Hz = {rate_Hz}; the record has {signal.rate_Hz:.6g}")
-        return signal
+        return replace(signal, unit=unit or signal.unit, name=name or signal.name)
     if _is_series(signal):
         return _from_series(signal, rate_Hz, unit, name)
     if rate_Hz is None:
-        raise RecordError(f"{name or 'signal'}: no sample rate; give rate_Hz")
+        raise RecordError(f"{name or 'signal'}: no sample rate; give rate_Hz, of an array to as_record")
     return Record(np.asanyarray(signal), rate_Hz, unit or "1", name or "signal")
 
 
@@ -185,19 +205,56 @@ def _is_series(signal: object) -> TypeGuard[pd.Series]:
 
 
 def _from_series(series: pd.Series, rate_Hz: float | None, unit: str | None, name: str | None) -> Record:
+    name = name or (str(series.name) if series.name is not None else "signal")
+    t_s = _times_of(series.index, name)
+    if t_s is None and rate_Hz is None:
+        raise RecordError(f"{name}: no sample rate; give rate_Hz or an index of times in seconds")
+    return timed_record(name, series.to_numpy(), unit or unit_of(name), rate_Hz, "index", t_s)
+
+
+def _times_of(index: pd.Index, name: str) -> np.ndarray | None:
+    """Times in s; whole numbers are times where a unit says so."""
     import pandas as pd
 
-    name = name or (str(series.name) if series.name is not None else "signal")
-    unit = unit or unit_of(name)
-    index = series.index
-    if rate_Hz is not None:
-        return Record(series.to_numpy(), rate_Hz, unit, name)
     if isinstance(index, pd.DatetimeIndex):
-        t_s = (index - index[0]).total_seconds().to_numpy()
-    elif isinstance(index, pd.TimedeltaIndex):
-        t_s = index.total_seconds().to_numpy()
-    elif not pd.api.types.is_float_dtype(index.dtype):
-        raise RecordError(f"{name}: no sample rate; give rate_Hz or an index of times in seconds")
-    else:
-        t_s = seconds(str(index.name or ""), index.to_numpy(dtype=float), name)
-    return Record(series.to_numpy(), sample_rate_Hz(t_s, name), unit, name, float(t_s[0]))
+        index = index - index.min()
+    if isinstance(index, pd.TimedeltaIndex):
+        return index.total_seconds().to_numpy()
+    called = str(index.name or "")
+    if pd.api.types.is_float_dtype(index.dtype) or (
+            pd.api.types.is_integer_dtype(index.dtype) and name_and_unit_of_time(called)[1] in SECONDS):
+        return seconds(called, index.to_numpy(dtype=float), name)
+    return None
+
+
+def timed_record(name: str, values: np.ndarray, unit: str, rate_Hz: float | None, time: str | None,
+                 t_s: np.ndarray | None) -> Record:
+    """A record with the rate of its times, or with `rate_Hz` where it has none, or where rounding makes them uneven."""
+    if t_s is None:
+        if rate_Hz is None:
+            raise RecordError(f"{name}: no times ({', '.join(TIME_COLUMNS)}); give the sample rate, or the name of the "
+                              "column of times")
+        return Record(values, rate_Hz, unit, name)
+    try:
+        found = sample_rate_Hz(t_s, f"{name}: {time}", may_be_rounded=rate_Hz is None)
+    except RecordError as error:
+        if rate_Hz is None:
+            raise RecordError(f"{error}; where times are rounded, give the sample rate") from None
+        if not _agrees(t_s, rate_Hz):
+            raise
+        found = rate_Hz
+    check_rate(name, rate_Hz, found, f"its {time}")
+    return Record(values, found, unit, name, float(t_s[0]))
+
+
+def _agrees(t_s: np.ndarray, rate_Hz: float) -> bool:
+    """Whether times are those of a rate, all rounded to as many digits as they have, or to single precision."""
+    if not (np.isfinite(t_s).all() and rate_Hz > 0):
+        return False
+    return bool(np.ptp(t_s.astype(float) - np.arange(t_s.size) / rate_Hz) <= last_digit_s(t_s) * (1 + 1e-6))
+
+
+def check_rate(name: str, given_Hz: float | None, found_Hz: float, where: str) -> None:
+    """RecordError where a rate is given and `where` says another."""
+    if given_Hz is not None and not np.isclose(given_Hz, found_Hz, rtol=0.01):
+        raise RecordError(f"{name}: rate_Hz = {given_Hz:g}; {where} says {found_Hz:.6g}")

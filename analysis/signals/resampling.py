@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import firwin, resample_poly
 
-from analysis.signals.records import Record, RecordError
+from analysis.signals.records import Record, RecordError, Signal, as_record
 
 #: Rates are taken as a ratio of whole numbers up to this.
 MAX_FACTOR = 1000
@@ -24,8 +24,8 @@ FINER = 8
 MAX_SAMPLES = 100_000_000
 
 
-def resample(record: Record, rate_Hz: float, *, anti_alias: bool = True) -> Record:
-    """Return the record at another rate, its first sample at the same time.
+def resample(signal: Signal, rate_Hz: float, *, anti_alias: bool = True) -> Record:
+    """Return a record, or what `as_record` makes one of, at another rate, its first sample at the same time.
 
     With `anti_alias` a low pass of linear phase and no delay (scipy's polyphase filter) comes before the samples are
     taken, which needs rates in a ratio of whole numbers up to MAX_FACTOR. Without it every k-th sample is kept, or what
@@ -35,6 +35,7 @@ def resample(record: Record, rate_Hz: float, *, anti_alias: bool = True) -> Reco
     >>> resample(Record(np.ones(300), rate_Hz=51_200.0), 20_000.0).values.size
     118
     """
+    record = as_record(signal)
     if not 0 < rate_Hz <= MAX_FACTOR * record.rate_Hz:
         raise RecordError(f"{record.name}: a rate of {rate_Hz:.6g} Hz; must be above 0, and at most {MAX_FACTOR} times "
                           f"that of the record, {record.rate_Hz:.6g} Hz")

@@ -7,7 +7,15 @@ import numpy as np
 import pandas as pd
 
 from analysis.files.readers import read_signals
-from analysis.signals.records import READ_AS_S, Record, RecordError, refuse_scale, sample_rate_Hz
+from analysis.signals.records import (
+    RAW,
+    READ_AS_S,
+    Record,
+    RecordError,
+    refuse_other_unit,
+    refuse_scale,
+    sample_rate_Hz,
+)
 from analysis.signals.resampling import resample
 from common.channels import name_and_unit, sensor_column, unit_of
 from recognition.estimation.arrays import Floats
@@ -47,9 +55,10 @@ def acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Series
     name, own = name_and_unit(str(column.name))
     if ACCELERATION.fullmatch(name):
         own = "m/s^2"
-    elif unit_of(name) != "1" or (unit or own) not in M_S2:
+    elif unit_of(name) != "1" or own not in (None, *RAW, *M_S2) or (unit or own) not in M_S2:
         return column
     else:
+        refuse_other_unit(name, scale, unit, own or "1")
         name = sensor_column(name.removeprefix("acc_"))
     return pd.to_numeric(column, errors="coerce").rename(name) * (scale * M_S2[unit or str(own)])
 

@@ -136,3 +136,9 @@ def test_imfs_that_overshoot_are_nowhere_and_it_is_said(tmp_path, capsys):
     assert main(["features", str(tmp_path / "x.csv"), "--rate", "1000"]) == 0
     said = capsys.readouterr().out
     assert "left out: " in said and "imf_1_energy" not in said
+
+
+def test_a_record_without_imfs_has_no_energy_of_them():
+    with pytest.warns(UserWarning, match="too few extrema"):
+        found = signal_features(as_record(np.arange(30.0) ** 2, 100.0))
+    assert "marginal_spectrum_energy" not in found and found["peak_to_peak"].value == 841.0

@@ -2,8 +2,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import RecordError, as_record, read_record
+from analysis import (
+    Record,
+    RecordError,
+    as_record,
+    base_parameters,
+    decompose,
+    hilbert_spectrum,
+    marginal_spectrum,
+    read_record,
+    resample,
+    signal_features,
+)
 from analysis.__main__ import main
+from analysis.files.readers import read_signals
+from common.channels import plain_unit
 
 
 def one_line(error):
@@ -152,3 +165,79 @@ def test_broken_measured_files_are_refused(tmp_path, name):
     with pytest.raises(RecordError, match=name) as error:
         read_record(tmp_path / name)
     one_line(error)
+
+
+def test_a_bare_array_is_refused_and_a_series_with_times_is_a_record():
+    values = np.sin(np.arange(200) * 0.7)
+    for function in (decompose, signal_features, base_parameters, lambda x: resample(x, 500.0), marginal_spectrum):
+        with pytest.raises(RecordError, match="no sample rate; give rate_Hz, of an array to as_record"):
+            function(values)
+    series = pd.Series(values, index=np.arange(200) / 1000.0)
+    assert signal_features(series)["rms"].value == pytest.approx(np.sqrt(np.mean(values**2)))
+    assert marginal_spectrum(series).total == marginal_spectrum(decompose(series)).total
+    assert hilbert_spectrum(series, times=4).amplitude.shape == (20, 4)
+    assert resample(series, 500.0).rate_Hz == 500.0
+
+
+@pytest.mark.parametrize("values", [np.arange("2026-11-28", "2026-12-01", dtype="M8[D]"), np.arange(3).astype("m8[s]")])
+def test_dates_are_no_samples(values):
+    with pytest.raises(RecordError, match="dates; needs real numbers"):
+        as_record(values, 100.0)
+
+
+@pytest.mark.parametrize("given", [{"rate_Hz": "fast"}, {"rate_Hz": None}, {"rate_Hz": 1j}, {"rate_Hz": [5.0, 6.0]},
+                                   {"t0_s": "noon"}, {"t0_s": None}])
+def test_a_rate_or_time_that_is_no_number_is_refused(given):
+    with pytest.raises(RecordError, match=next(iter(given))):
+        Record([0.0, 1.0], **{"rate_Hz": 5.0} | given)
+
+
+def test_an_index_of_times_counts_beside_a_rate():
+    series = pd.Series([0.0, 2.0, 1.0], index=[0.1, 0.101, 0.102])
+    assert as_record(series, 1000.0).t0_s == 0.1
+    with pytest.raises(RecordError, match="rate_Hz = 50; its index says 1000"):
+        as_record(series, 50.0)
+    assert as_record(pd.Series([0.0, 2.0, 1.0], index=pd.Index([10, 12, 14], name="t [ms]"))).rate_Hz == 500.0
+    with pytest.raises(RecordError, match="0 samples"):
+        as_record(pd.Series([], dtype=float, index=pd.DatetimeIndex([])))
+
+
+def test_a_unit_and_a_name_count_for_a_record_too():
+    record = as_record(Record([0.0, 1.0], 10.0, "1", "old"), unit="g", name="new")
+    assert (record.unit, record.name) == ("g", "new")
+
+
+@pytest.mark.parametrize("name", ["t_ms", "Time_ms", "Zeit [msec]", "time (mseconds)", "t [us]", "t [ns]"])
+def test_times_are_found_with_the_unit_behind_their_name(tmp_path, name):
+    per_s = {"us": 1e6, "ns": 1e9}.get(name[-3:-1], 1e3)
+    pd.DataFrame({name: np.arange(9) * per_s / 2000, "acc": np.arange(9.0)}).to_csv(tmp_path / "x.csv", index=False)
+    assert read_record(tmp_path / "x.csv").rate_Hz == pytest.approx(2000.0)
+    assert read_signals(tmp_path / "x.csv")["t_s"].iloc[-1] == pytest.approx(8 / 2000)
+
+
+@pytest.mark.parametrize("unit, plain", [("m/sec2", "m/s^2"), ("seconds", "s"), ("msec", "ms"), ("mm/sec^2", "mm/s^2")])
+def test_seconds_in_full(unit, plain):
+    assert plain_unit(unit) == plain
+
+
+def test_slow_times_without_a_unit_are_told_of(tmp_path, caplog):
+    for name in ("t", "t_s"):
+        pd.DataFrame({name: np.arange(9) * 0.15, "acc": np.arange(9.0)}).to_csv(tmp_path / "x.csv", index=False)
+        read_record(tmp_path / "x.csv")
+    assert [one.getMessage().partition("csv: ")[2] for one in caplog.records] == [
+        "6.66667 Hz by its t; times without a unit are read in s: a column in ms must be called t [ms]"]
+
+
+def test_the_sample_whose_time_does_not_rise_is_named(tmp_path):
+    (tmp_path / "x.csv").write_text("t_s,acc\n" + "".join(f"{0.001 * k},{k}\n" for k in range(20)) + "End of file\n")
+    with pytest.raises(RecordError, match="sample 20 does not"):
+        read_record(tmp_path / "x.csv")
+
+
+def test_another_unit_needs_a_scale(tmp_path):
+    pd.DataFrame({"t_s": np.arange(9) / 1e3, "a_m_s2": 1.0, "b [V]": 2.0}).to_csv(tmp_path / "x.csv", index=False)
+    with pytest.raises(RecordError, match="unit = 'g'; samples are in 'm/s.2'"):
+        read_record(tmp_path / "x.csv", column="a_m_s2", unit="g")
+    assert read_record(tmp_path / "x.csv", column="a_m_s2", unit="m/s²").unit == "m/s^2"
+    assert read_record(tmp_path / "x.csv", column="a_m_s2", scale=1e3, unit="mm/s²").values[0] == 1000.0
+    assert read_record(tmp_path / "x.csv", column="b", unit="g").unit == "g"

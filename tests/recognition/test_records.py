@@ -109,3 +109,12 @@ def test_a_rate_far_below_the_models_tells_of_the_unit_of_times():
             use()
     with pytest.raises(RecordError, match="8000 Hz; the model needs 6666.67 Hz; --resample goes to it"):
         Window(20_000 / 3, 100).cut(table.assign(t_s=T_s), "x")
+
+
+def test_what_is_no_acceleration_becomes_none_and_another_unit_needs_a_scale(tmp_path):
+    table = pd.DataFrame({"t_s": np.arange(4) / 1e3, "Force [N]": 1.0, "A [V]": 2.0, "B [g]": 3.0})
+    table.to_csv(tmp_path / "x.csv", index=False)
+    with pytest.raises(RecordError, match="B: unit = 'm/s.2'; samples are in 'g'"):
+        record_table(tmp_path / "x.csv", 1.0, "m/s^2")
+    found = record_table(tmp_path / "x.csv", 2.0, "m/s^2")[0]
+    assert list(found) == ["t_s", "Force [N]", "acc_A_m_s2", "acc_B_m_s2"] and found["acc_A_m_s2"][0] == 4.0
