@@ -11,7 +11,8 @@ from scipy.special import gammaln, logsumexp
 from recognition.estimation.arrays import Floats
 
 STEPS, SLOPE_STEP = 25, 1e-4
-DRAWS, ROUNDS, ENOUGH = 1500, 8, 300  # rounds end when the weights are worth ENOUGH draws
+DRAWS, ROUNDS, ENOUGH = 1500, 16, 300  # rounds end when the weights are worth ENOUGH draws
+FLATTER = 0.8 ** np.arange(40)  # powers of weights
 FREEDOM = 6.0
 WIDER = 1.5  # covariance of the first t distributions, by that at their modes
 FORGOTTEN = 30.0  # of the log evidence: modes that are less likely by so much
@@ -30,13 +31,23 @@ def drawn(densities: Densities, starts: Floats, prior_curvature: Floats, count: 
         z = mixture.draw(DRAWS, rng)
         each, prior = densities(z)
         log_weight = each.sum(axis=1) + prior - mixture.log_density(z)
-        weight = np.exp(log_weight - logsumexp(log_weight))
-        worth = float(1 / np.sum(weight**2))
+        weight = _normal(log_weight)
+        worth = _worth(weight)
         if worth > ENOUGH and round_:
             break
-        mixture = mixture.nearer(z, weight)
+        # A few heavy ones tell no covariance: the mixture follows as flat a power as is worth ENOUGH.
+        flat = next((w for w in map(_normal, FLATTER[:, None] * log_weight) if _worth(w) > ENOUGH), weight)
+        mixture = mixture.nearer(z, flat)
     chosen = np.searchsorted(np.cumsum(weight), (np.arange(count) + rng.random()) / count).clip(max=DRAWS - 1)
     return z[chosen], worth
+
+
+def _normal(log_weight: Floats) -> Floats:
+    return np.asarray(np.exp(log_weight - logsumexp(log_weight)))
+
+
+def _worth(weight: Floats) -> float:
+    return float(1 / np.sum(weight**2))
 
 
 def climbed(densities: Densities, z: Floats, prior_curvature: Floats) -> tuple[Floats, Floats, Floats]:

@@ -21,7 +21,7 @@ from recognition.stream.fit import Window
 from recognition.stream.listen import KEPT, PART, Listener
 from recognition.stream.recognise import RATE_Hz, channels_of, recognise_stream
 from recognition.stream.stone_law import LearntLaw, Told
-from recognition.stream.stones import ratio_of
+from recognition.stream.stones import missed_of, ratio_of
 from tests.recognition.elastic_stones import CHANNELS, elastic_stone, surely_told
 
 
@@ -128,8 +128,16 @@ def test_missed_stones_widen_the_interval():
         assert low < ratio - 0.03 and high > ratio + 0.03
 
 
-def test_a_stone_that_may_have_touched_before_counts_less():
+def test_where_stones_met_others_some_are_missed():
+    """Of ten in a second none arrives with another, but where four came down slower 1.2 more did that nobody heard."""
+    stones = pd.DataFrame({"t_s": 0.1 * np.arange(10), "gangue": 1.0, "again": np.repeat([0.4, 0.0], [4, 6])})
+    assert missed_of(stones.drop(columns="again")) == pytest.approx(0, abs=0.03)
+    assert missed_of(stones) == pytest.approx(1.2, abs=0.03)
+
+
+def test_a_stone_that_may_have_touched_before_counts_less(monkeypatch):
     """Of 30 touches of gangue 10 are second ones, which takes their mass away as well; where all may be, some counts."""
+    monkeypatch.setattr("recognition.stream.stones.LOST", 0.0)  # what else such stones tell
     stones = pd.DataFrame({"t_s": 0.1 * np.arange(40), "gangue": np.repeat([0.0, 1.0], [10, 30]), "mass_coal_kg": 1.0,
                            "mass_gangue_kg": 2.0, "mass_coal_sd_kg": 1e-9, "mass_gangue_sd_kg": 1e-9})
     sure, half = np.repeat([0.0, 1.0], [30, 10]), np.repeat([0.0, 0.5], [20, 20])
