@@ -83,7 +83,7 @@ CASES = {case.name: case for case in (
     Case("engine_streams", "lab.streams.engine_streams", "streams of the engine, ratio, and what one knows", "what touched the plate",
          (*HEARD, *STONE, *(f"scenes/{name}.toml" for name in ("listening", "stream", "streams", "caving", "natural")))),
     Case("stopping", "lab.streams.stopping", "share of gangue over time, stones and what one knows of them",
-         "when the share is passed", ("recognition/stone_forces", "recognition/stream", "lab/streams/stone_kinds.py")),
+         "a perfect ear", ("recognition/stone_forces", "recognition/stream", "lab/streams/stone_kinds.py")),
     Case("stone_kinds", "lab.streams.stone_kinds", "stones of a stream, and what one knows of them", "the true ratio",
          ("recognition/stone_forces", "recognition/stream", "lab/known_truth/data")),
     Case("volleys", "lab.streams.volleys", "runs, on tapped plates", "the true ratio", (*HEARD, "recognition/volley")),

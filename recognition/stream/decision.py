@@ -24,11 +24,11 @@ from recognition.stream.stone_law import UNKNOWN, LearntLaw, Told
 CALM = 0.5  # of the share above which drawing shall stop: where alarms are false ones
 #: Of it, at which likelihoods are compared with those at CALM. A share that rises passes it first: an alarm comes
 #: sooner than by the likelihood of the share itself, and hardly later if the share jumps there.
-RISING = 0.875
-LIKELY = 0.9  # of the laws have no more false alarms than are allowed
+RISING = 0.8
+LIKELY, SLOWEST = 0.8, 0.9  # of the laws have no more false alarms than are allowed; are no slower than is said
 DRAWN, LAWS = 150, 12  # stones of a material of each law, and laws, by which an alarm is foreseen
 AS_KNOWN = 25  # all that are drawn of a law count as so many known ones
-STATES, HIGHEST, HALVINGS = 80, 16.0, 7  # of the sum; thresholds are sought up to HIGHEST
+STATES, HIGHEST, HALVINGS = 160, 24.0, 8  # of the sum; thresholds are sought up to HIGHEST
 FIRST, LONGER, LAST = 25, 2.0, 800  # stones heard at which the law is learnt, how many times as many again, the last
 LATER_S = 2.0  # after the stones that taught it a law judges others; it is learnt meanwhile
 NEVER = 1e12  # stones: the linear system has no digits left for a mean time beyond
@@ -57,7 +57,7 @@ class Stop:
 @dataclass(frozen=True)
 class Foreseen:
     """Threshold, and by the median law the delay of an alarm at the share asked for, in stones, with that of nine laws
-    in ten; false alarms an hour at half of that share, of nine laws in ten. tried: thresholds with their false alarms
+    in ten; false alarms an hour at half of that share, of four laws in five. tried: thresholds with their false alarms
     and delays, a row each."""
 
     threshold: float
@@ -203,7 +203,7 @@ def foreseen(law: LearntLaw, told: Told, stop: Stop, rate_1_s: float, least_doub
         tried.append((middle, false, float(np.median(stones(middle, stop.above)))))
         low, high = (low, middle) if false <= stop.false_alarms_1_h else (middle, high)
     delay = stones(high, stop.above)
-    return Foreseen(high, float(np.median(delay)), float(np.quantile(delay, LIKELY)), false_1_h(high), sorted(tried))
+    return Foreseen(high, float(np.median(delay)), float(np.quantile(delay, SLOWEST)), false_1_h(high), sorted(tried))
 
 
 def mean_stones(gains: Floats, weight: Floats, threshold: float) -> float:
@@ -212,11 +212,11 @@ def mean_stones(gains: Floats, weight: Floats, threshold: float) -> float:
     to = np.clip((at[:, None] + gains) / step, 0, STATES)
     low = np.floor(to).astype(int).clip(max=STATES - 1)
     part = to - low  # shared between neighbours: the mean is kept
-    total, row = np.zeros((STATES, STATES + 1)), np.repeat(np.arange(STATES), len(gains)).reshape(low.shape)
-    np.add.at(total, (row, low), weight * (1 - part))
-    np.add.at(total, (row, low + 1), weight * part)
+    state = low + (STATES + 1) * np.arange(STATES)[:, None]
+    moves = np.bincount(np.r_[state, state + 1].ravel(), np.r_[weight * (1 - part), weight * part].ravel(),
+                        STATES * (STATES + 1)).reshape(STATES, -1)
     try:
-        mean = float(np.linalg.solve(np.eye(STATES) - total[:, :STATES], np.ones(STATES))[0])
+        mean = float(np.linalg.solve(np.eye(STATES) - moves[:, :STATES], np.ones(STATES))[0])
     except np.linalg.LinAlgError:  # none gets there, in all digits
         return NEVER
     return 1 / max(1 / mean, 1 / NEVER)  # rounding may make it negative

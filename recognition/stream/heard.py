@@ -36,8 +36,8 @@ UNTAPPED = "WARNING: no mode of the plate was tapped; the ratio may be 10 points
 @dataclass(frozen=True)
 class Alarms:
     """When the share of gangue passed `above`, and what was foreseen of such alarms: their delay by the median law and
-    by nine laws in ten, and how many are false in an hour at the constant share `calm`. unsafe: the laws differ too
-    much, and there is no alarm."""
+    by nine laws in ten, and how many are false in an hour at the constant share `calm` by four in five. unsafe: the
+    laws differ too much, and there is no alarm."""
 
     above: float
     calm: float
@@ -53,7 +53,7 @@ class Alarms:
                    f"{self.false_alarms_1_h:.2g} an hour, delay {self.delay_s:.2g} to {self.longest_delay_s:.2g} s")
             return
         yield (f"an alarm above {self.above:.0%} comes after {self.delay_s:.2g} s, at most {self.longest_delay_s:.2g}; "
-               f"{self.false_alarms_1_h:.2g} false alarms an hour at {self.calm:.0%}")
+               f"at most {self.false_alarms_1_h:.2g} false alarms an hour at {self.calm:.0%}")
         yield f"STOP at {', '.join(f'{t_s:.2f} s' for t_s in self.at_s[:9])}" if self.at_s else "no alarm"
 
 
