@@ -198,6 +198,8 @@ def plate_modes(
     >>> bool(abs(plate_modes(plate).frequency_Hz[0] / exact_Hz - 1) < 2e-3)
     True
     """
+    if not isinstance(plate, FlexiblePlate):
+        raise InputError(f"plate is a {type(plate).__name__}; must be a FlexiblePlate, such as read_plate(FILE) gives")
     refuse_too_many_modes(plate)
     points = None if residual_points_m is None else refuse_off_plate(
         np.reshape(residual_points_m, (-1, 2)), *([-side / 2, side / 2] for side in plate.size_m))

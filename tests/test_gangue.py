@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 import tomllib
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -249,3 +250,8 @@ def test_a_stage_that_lasts_is_named_on_a_terminal(monkeypatch, capsys, on_termi
     with messages.told(""):
         time.sleep(2 * messages.PATIENCE_s)
     assert capsys.readouterr().err == told_there
+
+
+def test_a_warning_of_python_is_one_line_without_code():
+    messages.show_messages(quiet=True)
+    assert warnings.formatwarning(UserWarning("/proc/x: no"), UserWarning, "a.py", 3, "code()") == "warning: /proc/x: no\n"

@@ -5,7 +5,7 @@ import pytest
 from decks import Body, deck, run_engine, write_files
 from scenes_of_tests import SCENES, hertz
 
-from common.scene.scene import read_scene
+from common.scene.scene import changed_scene, read_scene
 from dem.record.recorder import read_forces
 from dem.run.run import run_scene
 
@@ -76,3 +76,9 @@ def test_the_deck_of_a_bare_sphere_holds_only_what_it_needs(tmp_path):
     for absent in ("bond/parallel", "gravity", "tangential", "to_plate", "dump", "coefficientFriction"):
         assert absent not in deck
     assert read_scene(SCENES / "hertz_coal.toml").stones.agglomerate is None
+
+
+def test_a_run_that_ends_in_the_contact_says_so(tmp_path):
+    scene = SCENES / "hertz_coal.toml"
+    changed = changed_scene(scene, {"time.duration_s": 1.5e-4, "time.view_interval_s": None})
+    assert "ends while stone 1 hits" in run_scene(changed, str(scene), tmp_path / "run")["warnings"][0]

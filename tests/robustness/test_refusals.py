@@ -22,7 +22,7 @@ from analysis.sweep.breakage import read_network
 from common.scene.scene import changed_scene
 from common.tables import InputError, Refused
 from dem.__main__ import main
-from dem.deck.plausible import momentum_warnings, warnings_of, warnings_of_plate
+from dem.deck.plausible import momentum_warnings, unfinished_warnings, warnings_of, warnings_of_plate
 from dem.stones.arrangement import stones_of
 from plate_fem.__main__ import main as modes_of
 from plate_fem.elements.mesh import default_mesh_size, mesh_lines
@@ -409,3 +409,9 @@ def test_a_report_of_nothing(tmp_path, monkeypatch, where, why):
     told = ends_with_one_line(report.__main__.main, [where])
     assert told.startswith(f"{where}: ") and why in told
     assert not list(tmp_path.rglob("*.html")) and not list(tmp_path.rglob("claims.csv"))
+
+
+def test_a_stone_that_the_plate_pushes_at_the_end_is_told_of_but_none_that_lies():
+    scene = changed_scene(SCENES / "hertz_coal.toml", {"time.gravity_m_s2": 9.8})
+    warned = unfinished_warnings(scene, np.array([0.0, 900.0, 1.0]), np.array([3e3, 4e3, 1.1]), np.full(3, 0.1))
+    assert len(warned) == 1 and "ends while stone 2 hits the plate, one of 1 such" in warned[0]
