@@ -254,4 +254,4 @@ def test_a_stage_that_lasts_is_named_on_a_terminal(monkeypatch, capsys, on_termi
 
 def test_a_warning_of_python_is_one_line_without_code():
     messages.show_messages(quiet=True)
-    assert warnings.formatwarning(UserWarning("/proc/x: no"), UserWarning, "a.py", 3, "code()") == "warning: /proc/x: no\n"
+    assert warnings.formatwarning(UserWarning("x: no"), UserWarning, "a.py", 3, "code()") == "warning: x: no\n"
