@@ -27,6 +27,7 @@ CRITICAL_SPEED = 0.84  # the laboratory's case `critical_speed`
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
 IDEAL_STRENGTH = 0.2  # of Young's modulus: of whiskers and of glass fresh from the melt
+COARSER = 1.01  # than the mesh that the highest mode needs
 LEAST_SPAN = 10  # the shorter side in thicknesses
 MOST_DEFLECTION = 0.5  # over the thickness: beyond, a plate stretches as it bends (von Karman)
 UNFINISHED, CARRIED = 0.05, 10.0  # of a stone's peak force, and of its weight: more is an impact that goes on
@@ -58,6 +59,9 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
         if approach > LARGEST_APPROACH:
             lines.append(f"stones.speed_m_s = {fastest:g}: presses a stone of {name} by {approach:.2g} of "
                          f"its radius; Hertz' contact is for little, to {LARGEST_APPROACH:g}")
+        if material.contact_strength_Pa is not None and not scene.has_smooth_contact:
+            lines.append(f"{table}.contact_strength_Pa = {material.contact_strength_Pa:g}: counts for agglomerates of "
+                         "contact = 'smooth' alone; these stones stay elastic")
         weight_Pa = 2 * material.density_kg_m3 * GRAVITY_m_s2 * radius
         if stones.agglomerate is not None and not stones.agglomerate.unbreakable:
             bond = scene.bond_of(name)
@@ -83,6 +87,9 @@ def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
         lines.append(f"plate.max_frequency_Hz = {highest_Hz:g}: modes within the plane, from about "
                      f"{system.first_Hz_of(plate):.2g} Hz on, are left out, since no rod ties them to bending; the "
                      f"first is among the lowest {system.LOWEST}")
+    if (plate.mesh_size_m or 0.0) > COARSER * mesh.default_mesh_size(plate):
+        lines.append(f"plate.mesh_size_m = {plate.mesh_size_m:g}: above {mesh.default_mesh_size(plate):.3g}, which modes "
+                     f"up to {highest_Hz:.4g} Hz need")
     if mesh.choose_theory(plate) == "kirchhoff" and mesh.kirchhoff_error(plate) > mesh.SHEAR_ERROR_ALLOWED:
         lines.append(f"plate.theory = 'kirchhoff': without shear the highest frequency is "
                      f"{mesh.kirchhoff_error(plate):.2g} too high; 'auto' allows {mesh.SHEAR_ERROR_ALLOWED:g}")
