@@ -88,8 +88,8 @@ def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
                      f"{system.first_Hz_of(plate):.2g} Hz on, are left out, since no rod ties them to bending; the "
                      f"first is among the lowest {system.LOWEST}")
     if (plate.mesh_size_m or 0.0) > COARSER * mesh.default_mesh_size(plate):
-        lines.append(f"plate.mesh_size_m = {plate.mesh_size_m:g}: above {mesh.default_mesh_size(plate):.3g}, which modes "
-                     f"up to {highest_Hz:.4g} Hz need")
+        lines.append(f"plate.mesh_size_m = {plate.mesh_size_m:g}: above {mesh.default_mesh_size(plate):.3g}, which "
+                     f"modes up to {highest_Hz:.4g} Hz need")
     if mesh.choose_theory(plate) == "kirchhoff" and mesh.kirchhoff_error(plate) > mesh.SHEAR_ERROR_ALLOWED:
         lines.append(f"plate.theory = 'kirchhoff': without shear the highest frequency is "
                      f"{mesh.kirchhoff_error(plate):.2g} too high; 'auto' allows {mesh.SHEAR_ERROR_ALLOWED:g}")
