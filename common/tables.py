@@ -177,7 +177,7 @@ def _describe(mistake: Mapping[str, Any], data: Any, where: str) -> str:
 
 def _allowed(mistake: Mapping[str, Any]) -> str:
     text = mistake["msg"].removeprefix("Value error, ").removeprefix("Input ")
-    text = text[0].lower() + text[1:]
+    text = "must be a table" if mistake["type"] in ("model_type", "dict_type") else text[0].lower() + text[1:]
     return text.replace("should", "must").replace("tuple", "list").replace(" after validation", "")
 
 

@@ -3,6 +3,7 @@ the script by which shells complete them."""
 
 import argparse
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -73,17 +74,17 @@ def _change(text: str) -> tuple[str, Any]:
 
 
 def _jobs(text: str) -> int:
-    number = int(text)  # a ValueError is refused as well
-    if not 1 <= number <= 1024:
-        raise argparse.ArgumentTypeError(f"{text}: must be a whole number from 1 to 1024")
-    return number
+    with suppress(ValueError):
+        if 1 <= int(text) <= 1024:
+            return int(text)
+    raise argparse.ArgumentTypeError(f"{text}: must be a whole number from 1 to 1024")
 
 
 def _seconds(text: str) -> float:
-    value = float(text)
-    if not 0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text}: must be a time in s, at least 0")
-    return value
+    with suppress(ValueError):
+        if 0 <= float(text) < float("inf"):
+            return float(text)
+    raise argparse.ArgumentTypeError(f"{text}: must be a time in s, at least 0")
 
 
 SCENE = _file("scene_file", "scene", "scene file (TOML)")

@@ -179,7 +179,7 @@ def modes_for_loads(plate: FlexiblePlate, cache_dir: Path | None, places_m: np.n
 
 
 def plate_modes(
-    plate: FlexiblePlate, cache_dir: Path | None = None, residual_points_m: np.ndarray | None = None
+    plate: FlexiblePlate, cache_dir: str | Path | None = None, residual_points_m: np.ndarray | None = None
 ) -> PlateModes:
     """Return the modes of a plate up to its `max_frequency_Hz`.
 
@@ -198,7 +198,10 @@ def plate_modes(
     >>> bool(abs(plate_modes(plate).frequency_Hz[0] / exact_Hz - 1) < 2e-3)
     True
     """
+    if not isinstance(plate, FlexiblePlate):
+        raise InputError(f"plate is a {type(plate).__name__}; must be a FlexiblePlate, such as read_plate(FILE) gives")
     refuse_too_many_modes(plate)
+    cache_dir = None if cache_dir is None else Path(cache_dir)
     points = None if residual_points_m is None else refuse_off_plate(
         np.reshape(residual_points_m, (-1, 2)), *([-side / 2, side / 2] for side in plate.size_m))
     names = [one.name for one in fields(PlateModes)]

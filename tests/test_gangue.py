@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 import tomllib
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -249,3 +250,15 @@ def test_a_stage_that_lasts_is_named_on_a_terminal(monkeypatch, capsys, on_termi
     with messages.told(""):
         time.sleep(2 * messages.PATIENCE_s)
     assert capsys.readouterr().err == told_there
+
+
+def test_a_warning_of_python_is_one_line_without_code():
+    messages.show_messages(quiet=True)
+    assert warnings.formatwarning(UserWarning("x: no"), UserWarning, "a.py", 3, "code()") == "warning: x: no\n"
+
+
+@pytest.mark.parametrize("words, allowed", [
+    ("--jobs 1.5", "1.5: must be a whole number"), ("--walltime soon", "soon: must be a time in s")])
+def test_a_number_that_is_none_is_refused_in_the_users_words(words, allowed, capsys):
+    command = "sweep" if "jobs" in words else "run"
+    assert main([command, "x.toml", "--out", "y", *words.split()]) == 2 and allowed in capsys.readouterr().err

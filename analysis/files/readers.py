@@ -93,7 +93,7 @@ CHANNELS = {".wav": read_wav, ".flac": read_flac, ".uff": read_uff, ".unv": read
 ARRAYS = {".mat": read_matlab, ".h5": read_hdf5, ".hdf5": read_hdf5, ".lvm": read_lvm, ".tdms": read_tdms}
 ENDINGS = (*TABLES, *CHANNELS, *ARRAYS)
 # What such a column is called elsewhere, without the unit that follows in brackets.
-TIME_WORDS = (*TIME_COLUMNS, "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время", "时间", "時間")
+TIME_WORDS = (*TIME_COLUMNS, "second", "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время", "时间", "時間")
 
 
 def read_record(
@@ -295,12 +295,13 @@ def _time_of(names: list[str], source: str, asked: str | None) -> str | None:
 
 
 def _signal_of(names: list[str], source: str, asked: str | None) -> str:
-    """The column of the signal: the one asked for, else `a_m_s2`, else the only one."""
+    """The column of the signal: the one asked for, else `a_m_s2`, else the only one with a name."""
     if asked is not None:
         return _same(names, asked) or _refuse(source, f"no column {asked!r}", names)
     if "a_m_s2" in names:
         return "a_m_s2"
-    return names[0] if len(names) == 1 else _refuse(source, "no column named", names)
+    named = [name for name in names if name] or names  # pandas writes an index without a name
+    return named[0] if len(named) == 1 else _refuse(source, "no column named", names)
 
 
 def _same(names: Iterable[str], asked: str) -> str | None:

@@ -76,9 +76,11 @@ def beam_compliance(
     """Return the deflection per force, m/N, of the paper's plate, a beam supported at both ends (Eqs. 10, 21).
 
     C = x y (L^2 - x^2 - y^2) / (6 E I L), y = L - x, I = B h^3 / 12. The distance x from the left end, 0..L, may have
-    any shape. This is right for a simply supported beam, not for a plate on four points.
+    any shape; RecordError for one beyond. This is right for a simply supported beam, not for a plate on four points.
     """
     x = np.asarray(x_m, dtype=float)
+    if not ((x >= -1e-9 * length_m) & (x <= (1 + 1e-9) * length_m)).all():
+        raise RecordError(f"x_m = {x.min():g} to {x.max():g}: the beam between the rods is from 0 to {length_m:g} m")
     y = length_m - x
     inertia = width_m * thickness_m**3 / 12.0
     return x * y * (length_m**2 - x**2 - y**2) / (6.0 * plate.youngs_modulus_Pa * inertia * length_m)
@@ -94,8 +96,13 @@ def max_deformation_m(
 ) -> float:
     """Return the largest compression of the sphere, m: the exact root of (13) or (26).
 
-    The restitution is 0 < e <= 1. With compliance 0 the root is the closed form (8) or (19).
+    The restitution is 0 < e <= 1. With compliance 0 the root is the closed form (8) or (19). Raises RecordError for
+    other numbers than those of an impact.
     """
+    if not (stiffness > 0 and mass_kg > 0 and speed_m_s > 0 and 0 < restitution <= 1 and compliance_m_N >= 0):
+        raise RecordError(f"stiffness = {stiffness:g}, mass_kg = {mass_kg:g}, speed_m_s = {speed_m_s:g}, restitution = "
+                          f"{restitution:g}, compliance_m_N = {compliance_m_N:g}: must be above 0, the restitution at "
+                          "most 1, the compliance may be 0")
     energy = 0.5 * mass_kg * speed_m_s**2
     rigid = (2.5 * restitution * energy / stiffness) ** 0.4
     if compliance_m_N == 0:
@@ -157,7 +164,7 @@ def total_force_N(
 
 @dataclass(frozen=True)
 class Setup:
-    """Of one scene. places_m (count, 2); rocks and restitution by "coal" and "gangue".
+    """Of one scene. places_m (count, 2); speed_m_s across the plate; rocks and restitution by "coal" and "gangue".
 
     support_length_m, support_width_m: distances between the rods along x and y, the L and B
     of the paper's beam formula.
@@ -189,7 +196,7 @@ def setup_of(run: Run) -> Setup:
     return Setup(
         places_m=places_of(run),
         radius_m=_given(run, "stones.radius_m", stones.radius_m),
-        speed_m_s=_given(run, "stones.speed_m_s", stones.speed_m_s),
+        speed_m_s=_given(run, "stones.speed_m_s", stones.speed_m_s) * np.cos(np.radians(plate.tilt_deg)),
         gangue_order=stones.gangue_order or list(range(1, count + 1)),
         rocks={name: _elastic(run, f"materials.{name}", run.scene.materials.get(name)) for name in KINDS},
         restitution={name: _restitution(run, name) for name in KINDS},

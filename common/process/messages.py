@@ -4,6 +4,7 @@ import logging
 import os
 import sys
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -25,7 +26,9 @@ class _Terminal(logging.Handler):
 
 
 def show_messages(quiet: bool = False) -> None:
-    """Let the messages of all packages through to the terminal, if quiet but those of what goes wrong."""
+    """Let the messages of all packages through to the terminal, if quiet but those of what goes wrong. A warning of
+    Python's is one line, without the code that it came from."""
+    warnings.formatwarning = lambda message, *_, **__: f"warning: {message}\n"
     for name in PACKAGES:
         logger = logging.getLogger(name)
         logger.setLevel("WARNING" if quiet else os.environ.get(LEVEL, "INFO"))

@@ -360,7 +360,7 @@ def changed_scene(path: str | Path, changes: dict[str, Any]) -> Scene:
         if value is None:
             table.pop(last, None)
         else:
-            table[last] = value
+            table[last] = value.tolist() if hasattr(value, "tolist") else value  # NumPy's
             read_named(data, Path(path))
     refuse_monstrous(path, changes)
     return check(Scene, data, path)

@@ -87,7 +87,7 @@ def read_campaign_runs(out: Path) -> dict[str, tuple[int, list[str]]]:
             for row in table.to_dict("records")}
 
 
-def campaign(file: Path, out: Path, jobs: int, profile: str | None = None) -> BatchResult:
+def campaign(file: str | Path, out: str | Path, jobs: int = 1, profile: str | None = None) -> BatchResult:
     """Plan a campaign and let Snakemake run what is missing. Raises InputError.
 
     >>> _ = Path("speeds.toml").write_text('''scene = "scenes/hertz_coal.toml"
@@ -98,6 +98,7 @@ def campaign(file: Path, out: Path, jobs: int, profile: str | None = None) -> Ba
     if find_spec("snakemake") is None:
         raise InputError("snakemake is not installed; `make campaign` or pip install '.[campaign]' does it")
     check_engine()
+    file, out = Path(file), Path(out)
     runs = plan_campaign(file)
     with at_work_in(out, "campaign"):
         write_campaign_runs(runs, out)

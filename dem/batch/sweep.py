@@ -51,7 +51,8 @@ class SweepResult(Result):
         yield f"{self.directory}: {len(self.runs)} of {len(self.runs) + len(self.failed)} ratios finished"
 
 
-def sweep(scene_file: Path, out: Path, jobs: int, changes: Changes = (), overwrite: bool = False) -> SweepResult:
+def sweep(scene_file: str | Path, out: str | Path, jobs: int = 1, changes: Changes = (),
+          overwrite: bool = False) -> SweepResult:
     """Run the missing ratios, `jobs` at a time. `changes` are values of the scene by dotted key
     (`common.scene.changed_scene`). Runs of another scene are replaced with `overwrite` only. Raises InputError
     for bad input, Busy where another process is at work.
@@ -61,7 +62,7 @@ def sweep(scene_file: Path, out: Path, jobs: int, changes: Changes = (), overwri
     ([0.0, 1.0], {})
     """
     check_engine()
-    keys = dict(changes)
+    out, keys = Path(out), dict(changes)
     if RATIO in keys:
         raise InputError(f"--set {RATIO}: a sweep runs every ratio; allowed are other keys of the scene")
     stones = changed_scene(scene_file, keys).stones

@@ -15,7 +15,7 @@ from common.scene.scene import Scene
 from common.scene.stones import KINDS
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly, density_kg_m3
 from dem.stones.bonds import CRACK_AREA
-from dem.stones.stone import Stone, impact_speed_m_s
+from dem.stones.stone import Stone
 from plate_fem.elements import mesh, system
 from plate_fem.elements.rods import joint_range
 from plate_fem.motion import RecordedMotion
@@ -27,8 +27,10 @@ CRITICAL_SPEED = 0.84  # the laboratory's case `critical_speed`
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
 IDEAL_STRENGTH = 0.2  # of Young's modulus: of whiskers and of glass fresh from the melt
+COARSER = 1.01  # than the mesh that the highest mode needs
 LEAST_SPAN = 10  # the shorter side in thicknesses
 MOST_DEFLECTION = 0.5  # over the thickness: beyond, a plate stretches as it bends (von Karman)
+UNFINISHED, CARRIED = 0.05, 10.0  # of a stone's peak force, and of its weight: more is an impact that goes on
 MOST_LEFT_OUT, MOST_MISSING = 0.05, 0.01  # of the plate's energy above its modes; of the impulse
 
 
@@ -57,6 +59,9 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
         if approach > LARGEST_APPROACH:
             lines.append(f"stones.speed_m_s = {fastest:g}: presses a stone of {name} by {approach:.2g} of "
                          f"its radius; Hertz' contact is for little, to {LARGEST_APPROACH:g}")
+        if material.contact_strength_Pa is not None and not scene.has_smooth_contact:
+            lines.append(f"{table}.contact_strength_Pa = {material.contact_strength_Pa:g}: counts for agglomerates of "
+                         "contact = 'smooth' alone; these stones stay elastic")
         weight_Pa = 2 * material.density_kg_m3 * GRAVITY_m_s2 * radius
         if stones.agglomerate is not None and not stones.agglomerate.unbreakable:
             bond = scene.bond_of(name)
@@ -82,6 +87,9 @@ def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
         lines.append(f"plate.max_frequency_Hz = {highest_Hz:g}: modes within the plane, from about "
                      f"{system.first_Hz_of(plate):.2g} Hz on, are left out, since no rod ties them to bending; the "
                      f"first is among the lowest {system.LOWEST}")
+    if (plate.mesh_size_m or 0.0) > COARSER * mesh.default_mesh_size(plate):
+        lines.append(f"plate.mesh_size_m = {plate.mesh_size_m:g}: above {mesh.default_mesh_size(plate):.3g}, which "
+                     f"modes up to {highest_Hz:.4g} Hz need")
     if mesh.choose_theory(plate) == "kirchhoff" and mesh.kirchhoff_error(plate) > mesh.SHEAR_ERROR_ALLOWED:
         lines.append(f"plate.theory = 'kirchhoff': without shear the highest frequency is "
                      f"{mesh.kirchhoff_error(plate):.2g} too high; 'auto' allows {mesh.SHEAR_ERROR_ALLOWED:g}")
@@ -116,6 +124,14 @@ def deflection_warnings(plate: PlateTable, motion: RecordedMotion | None) -> lis
             f"theory, without stretching, is for {MOST_DEFLECTION:g} and less"] if largest_m else []
 
 
+def unfinished_warnings(scene: Scene, end_N: np.ndarray, peak_N: np.ndarray, mass_kg: np.ndarray) -> list[str]:
+    """Of stones (n,) that the plate pushes away when the run ends, harder than it carries what lies on it."""
+    carried_N = CARRIED * scene.time.gravity_m_s2 * mass_kg
+    hit = np.flatnonzero(abs(end_N) > np.maximum(UNFINISHED * peak_N, carried_N))
+    return [f"time.duration_s = {scene.time.duration_s:g}: ends while stone {hit[0] + 1} hits the plate, one of "
+            f"{len(hit)} such; their impulse and rebound are not complete"] if len(hit) else []
+
+
 def momentum_warnings(missing: float | None) -> list[str]:
     """Of the share of the impulse on the plate that a run misses."""
     if missing is None or missing <= MOST_MISSING:
@@ -129,8 +145,8 @@ def breakage_scales(scene: Scene, assembly: Assembly) -> dict[str, list[float | 
 
     The size of fragments over the diameter of its sub-spheres, both means. The size is Grady's (1982, J. Appl. Phys.
     53:322), (24 G/(rho rate^2))^(1/3), with the energy G of a crack's area and the rate of strain v/R.
-    Its speed over that at which its largest fragment falls below 0.7 of its mass on a rigid plate, CRITICAL_SPEED
-    sqrt(sigma/rho) (G/(sigma R))^0.2 with the bonds' tensile strength sigma: measured on rocks and sizes.
+    Its speed across the plate over that at which its largest fragment falls below 0.7 of its mass on a rigid plate,
+    CRITICAL_SPEED sqrt(sigma/rho) (G/(sigma R))^0.2 with the bonds' tensile strength sigma: measured on rocks, sizes.
     """
     mean_m = np.bincount(assembly.agglomerate, assembly.radius_m) / assembly.sizes / CONTACT_RADIUS_RATIO
     sizes, speeds = list[float | None](), list[float | None]()
@@ -142,7 +158,7 @@ def breakage_scales(scene: Scene, assembly: Assembly) -> dict[str, list[float | 
             continue
         crack = CRACK_AREA * bond.fracture_energy_J_m2 * stone.strength_factor**2
         strength, density = bond.tensile_strength_Pa * stone.strength_factor, density_kg_m3(scene, stone)
-        speed = impact_speed_m_s(stone, assembly.gravity_m_s2)
+        speed = max(-stone.velocity_m_s[2], np.sqrt(2 * -assembly.gravity_m_s2[2] * stone.gap_m), 1e-3)
         size_m = (24 * crack / (density * (speed / stone.radius_m) ** 2)) ** (1 / 3)
         critical = CRITICAL_SPEED * np.sqrt(strength / density) * (crack / (strength * stone.radius_m)) ** 0.2
         sizes.append(float(size_m / (2 * radius_m)))

@@ -38,7 +38,8 @@ FACE_SHARE = 0.3
 WEAK_FORCE_SHARE, WEAK_SPEED_SHARE, MOST_CO_STEPS = 1e-3, 0.1, 16
 TOGETHER_s = 0.1  # stones that arrive within this time are taken to touch at once
 MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
-FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz
+FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz,
+FAST_Hz = 200e3          # and of slower samples as many as give this
 MOST_FAST_ROWS = 2_000_000  # a long run has fewer a sample,
 LEAST_FAST_Hz = 25e3     # but so many before an anti-alias filter: of what folds back, it takes all up to 20 kHz
 
@@ -156,7 +157,8 @@ def fast_per_sample(scene: Scene) -> int:
     """Rows of the fast stream a sample: the usual number, or as many as keep the file of a long run in bounds."""
     samples = scene.time.duration_s / scene.time.sample_interval_s
     least = math.ceil(scene.time.sample_interval_s * LEAST_FAST_Hz) if scene.time.anti_alias else 1
-    return min(FAST_PER_SAMPLE, max(least, int(MOST_FAST_ROWS / samples + 1e-9)))
+    usual = max(FAST_PER_SAMPLE, math.ceil(scene.time.sample_interval_s * FAST_Hz - 1e-6))
+    return min(usual, max(least, int(MOST_FAST_ROWS / samples + 1e-9)))
 
 
 def _sample_steps(scene: Scene, dt_s: float, co_step: int) -> int:

@@ -21,7 +21,7 @@ from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from dem.coupling.launch import library_version
 from dem.deck.contact import read_contacts, yield_report
-from dem.deck.plausible import breakage_scales, deflection_warnings, momentum_warnings
+from dem.deck.plausible import breakage_scales, deflection_warnings, momentum_warnings, unfinished_warnings
 from dem.deck.render import wall_file
 from dem.deck.time_step import TimeStep, accuracy_settings, stone_contact_time_s
 from dem.record.energy_balance import (
@@ -102,7 +102,12 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
 def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
     """The fields of common.run_summary.RunSummary that follow from a run and its results."""
     outcome = _outcome(prepared, plate, results)
-    late = warned(prepared.source, [*momentum_warnings(outcome.get("momentum_missing")),
+    pushes, mass_kg = results.pushes, results.stone_mass_kg
+    ends = pushes.step == prepared.step.steps
+    end_N = np.bincount(pushes.stone[ends], pushes.mean_N[ends], len(mass_kg))
+    peak_N = pushes.of_stones(len(mass_kg))
+    late = warned(prepared.source, [*unfinished_warnings(prepared.scene, end_N, peak_N, mass_kg),
+                                     *momentum_warnings(outcome.get("momentum_missing")),
                                      *deflection_warnings(prepared.scene.plate, results.motion)])
     return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results), **outcome,
             "warnings": prepared.warnings + late}

@@ -108,7 +108,7 @@ class Stopped(CommandError, RuntimeError):
 LEAST_FREE_BYTES = 1 << 16
 
 
-def resume(directory: Path, show_progress: bool = True, walltime_s: float | None = None) -> dict[str, Any]:
+def resume(directory: str | Path, show_progress: bool = True, walltime_s: float | None = None) -> dict[str, Any]:
     """Go on with the run that was to become `directory` (its name, or that with .partial), see `run_scene`. A run that
     is finished is left alone. Raises InputError if there is nothing to go on with.
 
@@ -117,6 +117,7 @@ def resume(directory: Path, show_progress: bool = True, walltime_s: float | None
     >>> resume(Path("runs/once")) == first
     True
     """
+    directory = Path(directory)
     refuse_place(directory)
     out = directory.with_name(directory.name.removesuffix(SUFFIX))
     work = RunDirectory(out)
@@ -134,8 +135,8 @@ def resume(directory: Path, show_progress: bool = True, walltime_s: float | None
     return run_scene(scene, source, out, show_progress, walltime_s)
 
 
-def run_scene(scene: Scene, source: str, out: Path, show_progress: bool = False, walltime_s: float | None = None,
-              overwrite: bool = False) -> dict[str, Any]:
+def run_scene(scene: Scene, source: str | Path, out: str | Path, show_progress: bool = False,
+              walltime_s: float | None = None, overwrite: bool = False) -> dict[str, Any]:
     """Run a scene and leave `out` whole: it is written beside and renamed at the end. Returns what run.json says.
 
     A run that was stopped or killed goes on from its last checkpoint. After `walltime_s` it is asked to take one and
@@ -147,6 +148,7 @@ def run_scene(scene: Scene, source: str, out: Path, show_progress: bool = False,
     'finished'
     """
     check_engine()
+    source, out = str(source), Path(out)
     stop_at = None if walltime_s is None else time.monotonic() + walltime_s
     refuse_place(out)
     RunDirectory(out).refuse(scene_hash(scene), overwrite)

@@ -174,7 +174,7 @@ def plate_settings(stone_contact_s: float, cell_m: float) -> list[NumericalSetti
 def other_settings() -> list[NumericalSetting]:
     """Output rate and tolerance of free flight."""
     def rows(n: int) -> Setting:
-        return Setting(n / SAMPLE_s, {}, {"FAST_PER_SAMPLE": n})
+        return Setting(n / SAMPLE_s, {}, {"FAST_PER_SAMPLE": n, "FAST_Hz": n / SAMPLE_s})
 
     # Seen only where a stone comes down again: one, slow enough to do so within 0.15 s.
     bounce = {"time.duration_s": 0.15, "stones.speed_m_s": 0.5, "stones.count": 1, "stones.gangue_order": [1],

@@ -241,3 +241,10 @@ def test_another_unit_needs_a_scale(tmp_path):
     assert read_record(tmp_path / "x.csv", column="a_m_s2", unit="m/s²").unit == "m/s^2"
     assert read_record(tmp_path / "x.csv", column="a_m_s2", scale=1e3, unit="mm/s²").values[0] == 1000.0
     assert read_record(tmp_path / "x.csv", column="b", unit="g").unit == "g"
+
+
+@pytest.mark.parametrize("names", [",t_s,acc", "row,second,acc"])
+def test_tables_of_pandas_and_oscilloscopes(tmp_path, names):
+    (tmp_path / "x.csv").write_text(names + "\n" + "".join(f"{k},{k / 500},{k % 5}\n" for k in range(40)))
+    record = read_record(tmp_path / "x.csv", column=None if names[0] == "," else "acc")
+    assert (record.rate_Hz, record.values.max()) == (pytest.approx(500.0), 4.0)

@@ -210,3 +210,22 @@ def test_stones_laid_down_have_no_theory_of_impact(tmp_path, monkeypatch):
     monkeypatch.setitem(synthetic.SCENE["stones"], "speed_m_s", 0.0)
     with pytest.raises(RecordError, match=r"scene\.stones\.speed_m_s = 0; needs an impact"):
         theory.setup_of(read_run(synthetic.write_run(tmp_path / "laid", 0.5)))
+
+
+def test_on_a_tilted_plate_the_speed_across_it_counts(tmp_path, monkeypatch):
+    monkeypatch.setitem(synthetic.SCENE["plate"], "tilt_deg", 60.0)
+    setup = theory.setup_of(read_run(synthetic.write_run(tmp_path / "tilted", 0.5)))
+    assert setup.speed_m_s == pytest.approx(synthetic.SCENE["stones"]["speed_m_s"] / 2)
+
+
+def test_there_is_no_beam_beyond_its_supports():
+    assert theory.beam_compliance([0.0, L_M], L_M, B_M, H_M).tolist() == [0.0, 0.0]
+    with pytest.raises(RecordError, match="the beam between the rods"):
+        theory.beam_compliance([0.1, 1.2 * L_M], L_M, B_M, H_M)
+
+
+@pytest.mark.parametrize("wrong", [{"speed_m_s": 0.0}, {"restitution": 0.0}, {"restitution": 2.0},
+                                   {"compliance_m_N": -1e-8}, {"radius_m": -0.02}])
+def test_what_is_no_impact_is_refused(wrong):
+    with pytest.raises(RecordError, match="must be above 0"), np.errstate(invalid="ignore"):
+        peak_force_N(STATES["FN"], COAL, **wrong)

@@ -134,3 +134,11 @@ def test_the_critical_speed_falls_with_size_and_rises_with_the_stones_own_streng
 def test_half_a_field_is_refused():
     with pytest.raises(InputError, match="materials.coal.bond.flaw_length_m = None: must be given with flaw_modulus"):
         changed("single", {"materials.coal.bond.flaw_modulus": 5.0})
+
+
+def test_the_speed_across_the_plate_is_what_breaks():
+    def ratio(tilt_deg):
+        scene = changed("single", {"plate.tilt_deg": tilt_deg, "stones.agglomerate.subspheres": 200})
+        return over_critical(scene, assemble(scene, stones_of(scene, "single")))[0]
+
+    assert ratio(60.0) == pytest.approx(ratio(0.0) / 2)

@@ -5,9 +5,9 @@ import pytest
 from decks import Body, deck, run_engine, write_files
 from scenes_of_tests import SCENES, hertz
 
-from common.scene.scene import read_scene
+from common.scene.scene import changed_scene, read_scene
 from dem.record.recorder import read_forces
-from dem.run.run import run_scene
+from dem.run.run import resume, run_scene
 
 
 @pytest.mark.parametrize("material, force_N, time_us", [("coal", 4261.6, 233.9), ("gangue", 7646.3, 226.7)])
@@ -76,3 +76,18 @@ def test_the_deck_of_a_bare_sphere_holds_only_what_it_needs(tmp_path):
     for absent in ("bond/parallel", "gravity", "tangential", "to_plate", "dump", "coefficientFriction"):
         assert absent not in deck
     assert read_scene(SCENES / "hertz_coal.toml").stones.agglomerate is None
+
+
+def test_a_run_that_ends_in_the_contact_says_so(tmp_path):
+    scene = SCENES / "hertz_coal.toml"
+    changed = changed_scene(scene, {"time.duration_s": 1.5e-4, "time.view_interval_s": None})
+    assert "ends while stone 1 hits" in run_scene(changed, str(scene), tmp_path / "run")["warnings"][0]
+
+
+def test_paths_may_be_text_and_values_numpys(tmp_path):
+    file = SCENES / "hertz_coal.toml"
+    scene = changed_scene(file, {"stones.count": np.int64(1), "stones.positions_m": np.zeros((1, 2)),
+                                 "time.anti_alias": np.bool_(False)})
+    assert (scene.stones.count, scene.stones.positions_m, scene.time.anti_alias) == (1, ((0.0, 0.0),), False)
+    summary = run_scene(scene, file, str(tmp_path / "run"))
+    assert resume(str(tmp_path / "run")) == summary

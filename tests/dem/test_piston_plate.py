@@ -100,6 +100,7 @@ def test_between_messages_the_plate_moves_with_its_acceleration(tmp_path, monkey
     """A plate that rises by a t^2/2, answered every 13 us, strikes a sphere at rest. Seen from the plate it falls by the gap g
     and its approach d: 2/5 K d^(5/2) = m a (g + d) at the deepest."""
     rise_m_s2, gap_m = 4e4, 6e-5
+    monkeypatch.setattr("dem.deck.time_step.FAST_Hz", 75e3)
     scene = changed("elastic_plate", {
         "stones.speed_m_s": 1e-6, "stones.gap_m": gap_m, "time.gravity_m_s2": None, "plate.sensors": None, "plate.rods": None, "plate.max_frequency_Hz": 2000.0,
         "time.time_step_s": 1e-7, "time.co_step": 400, "time.duration_s": 4e-4, "time.sample_interval_s": 4e-4})

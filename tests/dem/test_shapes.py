@@ -126,7 +126,7 @@ def test_polyhedra_fall_and_the_ledger_closes(tmp_path):
     ({"extent_ratios": [0.1, 1.0]}, {}, "shapes.rock.extent_ratios.0 = 0.1: must be"),
     ({"elongation": 0.8}, {}, r"shapes.rock.elongation = 0.8: unknown key; use extent_ratios = \[elongation, flatness\]"),
     ({"corners": 8, "file": "x.stl"}, {}, "shapes.rock.file = 'x.stl': unknown key; use shapes.NAME = \"FILE\""),
-    (8, {}, "shapes.rock = 8: must be a valid dictionary"),
+    (8, {}, "shapes.rock = 8: must be a table"),
     ("none.stl", {}, "none.stl: cannot be read"),
     ({}, {"stones.agglomerate.contact": "smooth"}, "must be \"faces\" or \"sub_spheres\" where"),
     ({}, {"stones.agglomerate": None}, "stones.agglomerate = None"),

@@ -164,6 +164,13 @@ def test_the_fast_stream_of_a_long_run_is_kept_in_bounds(interval_s):
         assert rows * samples <= 2e6 * (1 + 1e-9) and (rows == 30 or (rows + 1) * samples > 2e6 * (1 - 1e-9))
 
 
+@pytest.mark.parametrize("interval_s, rows", [(1e-5, 30), (1.5e-4, 30), (1e-3, 200), (0.02, 4000)])
+def test_the_fast_stream_of_slow_samples_is_as_fast(interval_s, rows):
+    """Else contacts of 0.2 ms fall between its rows, and what is above half its rate folds back before the filter."""
+    scene = scene_of([FALLS_OFF], 0.1, **{"time.sample_interval_s": interval_s})
+    assert fast_per_sample(scene) == rows
+
+
 STREAMS = ("ledger.bin", "forces.bin", "contacts.bin", "events.csv", "left.csv")
 
 

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from common.resources import resource
 from common.scene.plate import PlateTable, RigidPlate, read_plate
+from common.scene.scene import read_scene
 from common.tables import InputError, Refused, Table, check, read_toml
 from plate_fem.__main__ import main
 
@@ -180,3 +181,11 @@ def test_table_cannot_be_changed():
     with pytest.raises(ValueError, match="frozen"):
         table.size_m = (1.0, 1.0)
     assert hash(table.rods) == hash(plate().rods)  # by which matrices are kept
+
+
+def test_modes_are_of_a_plate_that_bends():
+    from plate_fem import plate_modes
+
+    for wrong in (read_scene(resource("scenes") / "hertz_coal.toml"), "scenes/paper.toml"):
+        with pytest.raises(InputError, match="must be a FlexiblePlate"):
+            plate_modes(wrong)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from common.scene.scene import changed_scene
-from dem.deck.plausible import momentum_warnings, warnings_of, warnings_of_plate
+from dem.deck.plausible import momentum_warnings, unfinished_warnings, warnings_of, warnings_of_plate
 from dem.stones.arrangement import stones_of
 from tests.robustness.small import SCENES, run
 
@@ -64,6 +64,7 @@ THICK = {"size_m": [0.2, 0.2], "thickness_m": 0.03}
     ({"size_m": [0.75, 0.1], "thickness_m": 0.01, "rods": ()}, 0.0, ["within the plane"]),
     ({"theory": "kirchhoff"}, 0.0, ["plate.theory = 'kirchhoff'", "without shear"]),
     ({}, 0.06, ["plate.max_frequency_Hz = 2e+04", "0.06"]),
+    ({"mesh_size_m": 0.1}, 0.0, ["plate.mesh_size_m = 0.1: above 0.0", "modes up to 2e+04 Hz"]),
     ({"size_m": [0.43, 0.5]}, 0.0, ["plate.rods.0: stands 0.015 m from an edge"]),
     ({"youngs_modulus_Pa": 1e10}, 0.0, ["plate.rods.3.youngs_modulus_Pa = 2.07e+11", "nearest"]),
     ({"thickness_m": 2e-3}, 0.0, ["plate.rods.0.diameter_m = 0.02", "nearest"]),
@@ -95,3 +96,16 @@ def test_a_warning_is_on_screen_and_in_run_json(tmp_path):
     warned = json.loads((tmp_path / "run" / "run.json").read_text())["warnings"]
     assert code == 0 and all(f"elastic_plate.toml: {line}" in errors for line in warned)
     assert "Hertz" in warned[0] and "deflects by" in warned[-1]
+
+
+def test_a_stone_that_the_plate_pushes_at_the_end_is_told_of_but_none_that_lies():
+    scene = changed_scene(SCENES / "hertz_coal.toml", {"time.gravity_m_s2": 9.8})
+    warned = unfinished_warnings(scene, np.array([0.0, 900.0, 1.0]), np.array([3e3, 4e3, 1.1]), np.full(3, 0.1))
+    assert len(warned) == 1 and "ends while stone 2 hits the plate, one of 1 such" in warned[0]
+
+
+def test_a_crushing_strength_that_nothing_takes_is_told_of():
+    told = [any("contact_strength_Pa" in line for line in warnings_of(scene, stones_of(scene, "scene"))) for scene in (
+        changed_scene(SCENES / "single.toml", {"materials.coal.contact_strength_Pa": 1e8} | changes)
+        for changes in ({}, {"stones.agglomerate": None}, {"stones.agglomerate.contact": "sub_spheres"}))]
+    assert told == [False, True, True]
