@@ -67,8 +67,6 @@ class SweepResults:
         """Times of the regular stream, shape (samples,)."""
         return self.runs[0].t_s
 
-    # ---------------------------------------------------------- choosing runs
-
     def index_at(self, ratio: float) -> int:
         """Return the index of the run of a mixing ratio. Raises RecordError if there is no such run."""
         found = np.flatnonzero(np.abs(self.ratios - ratio) < 1e-6)
@@ -89,8 +87,6 @@ class SweepResults:
         if "coal" not in third or "gangue" not in third:
             raise RecordError(f"{self.sweep.path}: place 3 is never coal or never gangue in these runs")
         return len(third) - 1 - third[::-1].index("coal"), third.index("gangue")
-
-    # -------------------------------------------------------- coal and gangue
 
     @cached_property
     def is_gangue(self) -> np.ndarray:

@@ -90,8 +90,6 @@ class RecognitionResults:
         """The method that answers most records held out; of equals the first."""
         return max(methods, key=lambda name: self.errors_points(HELD_OUT, name).size)
 
-    # ----------------------------------------------------------- fused parameter Q
-
     @cached_property
     def _base(self) -> np.ndarray:
         """The eight base parameters of Q, shape (runs, 8)."""
@@ -118,8 +116,6 @@ class RecognitionResults:
         """The quadratic through Q of the runs (Table 3)."""
         return fit_polynomial(self._ratios, self.q, 2)
 
-    # ------------------------------------------------------ Kalman filter, fusion
-
     @cached_property
     def filtered(self) -> dict[str, np.ndarray]:
         """The six responses after the Kalman filter, in SI units, shape (runs, samples) each."""
@@ -143,8 +139,6 @@ class RecognitionResults:
     def fused(self) -> dict[str, np.ndarray]:
         """The four fusion parameters QQ, shape (runs, samples) each."""
         return {kind: fusion.transform(self.fusion_inputs(kind)) for kind, fusion in self._fusions.items()}
-
-    # ------------------------------------------------------- recognition strategy
 
     def moment_fits(self, count: int, ratios: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
         """Return `count` moments of the function space of the modified energy fusion, evenly chosen: time, QQ of the
