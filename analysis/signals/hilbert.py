@@ -97,9 +97,8 @@ def frequency_edges_Hz(rate_Hz: float, bin_width_Hz: float) -> np.ndarray:
     return np.arange(max(1, int(np.ceil(0.5 * rate_Hz / bin_width_Hz))) + 1) * bin_width_Hz
 
 
-def marginal_spectrum(
-    decomposition: Decomposition, *, kind: str = "amplitude", bin_width_Hz: float = BIN_WIDTH_HZ
-) -> MarginalSpectrum:
+def marginal_spectrum(decomposition: Decomposition, *, kind: str = "amplitude",
+                      bin_width_Hz: float = BIN_WIDTH_HZ) -> MarginalSpectrum:
     """Return the marginal spectrum of all IMFs, from 0 to half the sample rate in equal bins.
 
     The kind is "amplitude" (integral of a) or "energy" (integral of a^2). The last bin reaches past half the sample
@@ -125,9 +124,8 @@ def marginal_spectrum(
     return MarginalSpectrum(edges_Hz, sums / (rate_Hz * bin_width_Hz), kind, left_out)
 
 
-def hilbert_spectrum(
-    decomposition: Decomposition, *, bin_width_Hz: float = BIN_WIDTH_HZ, times: int = 100
-) -> HilbertSpectrum:
+def hilbert_spectrum(decomposition: Decomposition, *, bin_width_Hz: float = BIN_WIDTH_HZ,
+                     times: int = 100) -> HilbertSpectrum:
     """Return the Hilbert spectrum on equal cells of frequency and time. Raises RecordError for a width that is not > 0,
     and no times.
 
