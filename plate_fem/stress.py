@@ -75,11 +75,9 @@ class StressPeak:
                     best[:] = squared[nodes[node], k], nodes[node], t_s[above][k]
 
     def get_state(self) -> dict[str, np.ndarray]:
-        """Return a copy of the state, for `set_state`."""
         return {"peak": self._best.copy()}
 
     def set_state(self, state: Mapping[str, np.ndarray]) -> None:
-        """Take a state from `get_state`."""
         self._best = np.array(state["peak"])
 
     def result(self, at_rods: bool = False) -> dict[str, float]:

@@ -75,7 +75,6 @@ class SweepResults:
         return int(found[0])
 
     def index_nearest(self, ratio: float) -> int:
-        """Return the index of the run whose mixing ratio is nearest to one."""
         return int(np.argmin(np.abs(self.ratios - ratio)))
 
     def indices_coal_gangue_at_3(self) -> tuple[int, int]:

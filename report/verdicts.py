@@ -49,7 +49,6 @@ class Statement:
 
 
 def check_statements(results: SweepResults, statements: Sequence[Statement]) -> list[Claim]:
-    """Compare every statement with the results of a sweep."""
     claims = []
     for statement in statements:
         try:

@@ -77,7 +77,6 @@ class Record:
 
     @property
     def dt_s(self) -> float:
-        """Time between two samples."""
         return 1.0 / self.rate_Hz
 
     @property

@@ -65,12 +65,10 @@ class Run:
 
     @property
     def t_s(self) -> np.ndarray:
-        """Times of the samples."""
         return self.signals["t_s"].to_numpy(dtype=float)
 
     @cached_property
     def rate_Hz(self) -> float:
-        """Sample rate."""
         return sample_rate_Hz(self.t_s, f"{self.path}/signals.parquet: t_s")
 
     def record(self, column: str) -> Record:

@@ -31,8 +31,6 @@ Given = TypeVar("Given")
 
 @dataclass(frozen=True)
 class Elastic:
-    """An elastic material."""
-
     density_kg_m3: float
     youngs_modulus_Pa: float
     poisson_ratio: float
@@ -61,7 +59,6 @@ STATES = {
 
 
 def sphere_mass_kg(rock: Elastic, radius_m: float) -> float:
-    """Return the mass of a sphere."""
     return 4.0 / 3.0 * np.pi * radius_m**3 * rock.density_kg_m3
 
 

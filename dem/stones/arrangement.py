@@ -228,7 +228,6 @@ def _packings(scene: Scene, count: int) -> tuple[list[int], list[tuple[float, fl
 
 
 def _one(scene: Scene, k: int, one: EachStone, seed: int) -> Stone:
-    """One of stones that are given one by one."""
     velocity = one.velocity_m_s
     if not isinstance(velocity, tuple):
         velocity = tuple(velocity * d for d in scene.down)  # type: ignore[assignment]

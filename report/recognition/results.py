@@ -68,7 +68,6 @@ class RecognitionResults:
 
     @cached_property
     def answers(self) -> dict[str, list[dict[str, Answer]]]:
-        """Answers of all methods to each run, by the training."""
         return {TRAINED_ON_ALL: self.by_all, HELD_OUT: self.held_out}
 
     @cached_property

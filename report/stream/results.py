@@ -67,7 +67,6 @@ class StreamResults:
 
     @property
     def end_s(self) -> float:
-        """End of the run."""
         return float(self.run.t_s[-1])
 
     @property
