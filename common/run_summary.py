@@ -27,8 +27,6 @@ class Recorded(BaseModel):
 
 
 class RecordedTime(Recorded):
-    """`[time]` of the scene as far as it is recorded."""
-
     anti_alias: bool = False  # runs that do not say had no filter
 
 
@@ -53,14 +51,10 @@ class RecordedMaterial(Recorded):
 
 
 class RecordedContact(Recorded):
-    """The contact of two materials."""
-
     restitution: float | None = None
 
 
 class RecordedRod(Recorded):
-    """A rod under the plate."""
-
     place_m: list[float]  # x, y
 
 

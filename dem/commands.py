@@ -86,8 +86,6 @@ class BatchResult(Result):
 
 @dataclass(frozen=True)
 class DeckResult(Result):
-    """A deck that can be run by hand."""
-
     line = "{deck}"
     deck: Path
 
@@ -160,8 +158,6 @@ def calibrate(material: str, scene_file: Path, out: Path | None = None, rock: st
 
 @dataclass(frozen=True)
 class EngineResult(Result):
-    """An engine that was built."""
-
     line = "{engine}"
     engine: Path
 

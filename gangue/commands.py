@@ -271,7 +271,6 @@ def parser_of(package: str = "") -> argparse.ArgumentParser:
 
 
 def commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """The parser of each command by its name."""
     return next(action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction))
 
 
@@ -297,8 +296,6 @@ class _Version(argparse.Action):
 
 @dataclass(frozen=True)
 class CompletionResult(Result):
-    """The script for a shell."""
-
     line = "{script}"
     shell: str
     script: str

@@ -43,12 +43,10 @@ class DoctorResult(Result):
             yield f"{'has  ' if one.there else 'lacks'}  {one.name:<10} {one.text}"
 
     def as_json(self) -> Any:
-        """A list of the findings."""
         return plain(self.findings)
 
 
 def doctor() -> DoctorResult:
-    """Look at this machine."""
     from dem.coupling.launch import check_engine, library_version  # late: no other command of gangue needs it
 
     free_GB = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9

@@ -178,9 +178,8 @@ def modes_for_loads(plate: FlexiblePlate, cache_dir: Path | None, places_m: np.n
     return plate_modes(plate, cache_dir, places_m if len(places_m) <= MOST_RESIDUAL_POINTS else NOWHERE)
 
 
-def plate_modes(
-    plate: FlexiblePlate, cache_dir: str | Path | None = None, residual_points_m: np.ndarray | None = None
-) -> PlateModes:
+def plate_modes(plate: FlexiblePlate, cache_dir: str | Path | None = None,
+                residual_points_m: np.ndarray | None = None) -> PlateModes:
     """Return the modes of a plate up to its `max_frequency_Hz`.
 
     cache_dir: directory for results (common/files/cache.py), with an entry for each table and set of points. The modes

@@ -75,11 +75,9 @@ class StressPeak:
                     best[:] = squared[nodes[node], k], nodes[node], t_s[above][k]
 
     def get_state(self) -> dict[str, np.ndarray]:
-        """Return a copy of the state, for `set_state`."""
         return {"peak": self._best.copy()}
 
     def set_state(self, state: Mapping[str, np.ndarray]) -> None:
-        """Take a state from `get_state`."""
         self._best = np.array(state["peak"])
 
     def result(self, at_rods: bool = False) -> dict[str, float]:
@@ -144,10 +142,8 @@ def von_mises_3d(stress: np.ndarray) -> np.ndarray:
     return np.sqrt(0.5 * ((sx - sy) ** 2 + (sy - sz) ** 2 + (sz - sx) ** 2) + 3 * txy**2)
 
 
-def total_stress(
-    modes: PlateModes, amplitude: np.ndarray, contacts: Sequence[HertzContact], points_m: np.ndarray,
-    poisson_ratio: float,
-) -> np.ndarray:
+def total_stress(modes: PlateModes, amplitude: np.ndarray, contacts: Sequence[HertzContact], points_m: np.ndarray,
+                 poisson_ratio: float) -> np.ndarray:
     """Return the stress (k, 4) at points (k, 2) of the top surface: bending plus the field of every contact.
 
     Amplitudes have shape (n,); columns are those of `contact_surface_stress`.

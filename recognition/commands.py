@@ -114,8 +114,6 @@ def recognise(record: str, model: str, plate: str | None = None, resample: bool 
 
 @dataclass(frozen=True)
 class EvaluateResult(Result):
-    """The table of the errors of each method."""
-
     line = "written to {evaluation}"
     evaluation: Path
 

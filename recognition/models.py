@@ -7,8 +7,7 @@ finite and of their type; nothing is converted or filled in.
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Self, TypeVar, get_args, get_origin
@@ -206,7 +205,7 @@ class Model:
         answers = {}
         for name, method in self.methods.items():
             try:
-                answers[name] = _answer(name, method, features(name))
+                answers[name] = _answer(method, features(name))
             except RecognitionError as reason:
                 answers[name] = Answer.none(f"{NOT_APPLICABLE}: {reason}")
         return answers | {name: Answer.none(f"{NOT_APPLICABLE}: {reason}") for name, reason in self.left_out.items()}
@@ -311,22 +310,14 @@ class PreparedRuns:
         return model.at_impact().answers_to(lambda name: self.features[name][index])
 
 
-def _answer(name: str, method: Method, features: Any) -> Answer:
-    """Raises RecognitionError where the method does not apply to these features."""
-    with _fitting_numbers():
-        (answer,) = method.answer([features])
-        complete = np.isfinite(answer.ratio) and answer.has_interval
-        if not answer.reason and not complete:
-            raise ValueError(f"ratio {answer.ratio}, interval {answer.low} to {answer.high}")
-    return answer
-
-
-@contextmanager
-def _fitting_numbers() -> Iterator[None]:
-    """A model file may hold numbers that do not fit together: arrays of other shapes, or too large to calculate with.
-    Raises RecognitionError."""
+def _answer(method: Method, features: Any) -> Answer:
+    """Raises RecognitionError where the method does not apply to these features, or the numbers of its file do not fit
+    together: arrays of other shapes, or too large to calculate with."""
     try:
-        yield
+        (answer,) = method.answer([features])
+        if not answer.reason and not (np.isfinite(answer.ratio) and answer.has_interval):
+            raise ValueError(f"ratio {answer.ratio}, interval {answer.low} to {answer.high}")
+        return answer
     except RecognitionError:
         raise
     except (ValueError, TypeError, LookupError, ArithmeticError, np.linalg.LinAlgError) as error:

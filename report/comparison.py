@@ -45,7 +45,6 @@ class Row:
 
     @property
     def difference(self) -> float | None:
-        """b - a."""
         return self.b - self.a if _is_number(self.a) and _is_number(self.b) else None
 
     @property
@@ -168,8 +167,6 @@ def _is_number(value: Any) -> bool:
 
 @dataclass(frozen=True)
 class ComparisonResult(Result):
-    """The page of two runs or sweeps."""
-
     line = "comparison written to {page}"
     page: Path
 
@@ -187,7 +184,6 @@ def compare(a: Path, b: Path, out: Path | None = None) -> ComparisonResult:
 
 
 def render(comparison: Comparison) -> str:
-    """Return the page as HTML with everything inside it."""
     pairs = comparison.pairs
     names = comparison.a.name, comparison.b.name
     if names[0] == names[1]:
@@ -203,7 +199,6 @@ def render(comparison: Comparison) -> str:
 
 
 def _figures(pair: Pair, names: tuple[str, str]) -> list[tuple[str, str]]:
-    """Picture and caption of each curve of a pair."""
     return [(to_uri(draw_curve(curve, names), f"{pair.a.gangue_ratio}_{k}"),
              f"The root mean square of the difference is {as_percent(curve.percent_rms)} of that of {names[0]}.")
             for k, curve in enumerate(pair.curves())]

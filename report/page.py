@@ -132,8 +132,6 @@ class Number:
 
 @dataclass(frozen=True)
 class Chapter:
-    """A chapter as the page shows it."""
-
     title: str
     figures: list[FinishedFigure]
     tables: list[FinishedTable]
@@ -178,8 +176,6 @@ class Content:
 
 @dataclass(frozen=True)
 class ReportResult(Result):
-    """The page of a directory of runs."""
-
     line = "report written to {report}"
     report: Path
 
@@ -282,7 +278,6 @@ def _physics(scene: dict[str, Any]) -> dict[str, Any]:
 
 
 def render(sweep: Sweep, content: Content) -> str:
-    """Return the page as HTML."""
     counts = Counter(claim.verdict for claim in content.claims)
     maps = (DAMAGE_COLOURS, STRESS_COLOURS)
     return rendered(

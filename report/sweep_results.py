@@ -67,8 +67,6 @@ class SweepResults:
         """Times of the regular stream, shape (samples,)."""
         return self.runs[0].t_s
 
-    # ---------------------------------------------------------- choosing runs
-
     def index_at(self, ratio: float) -> int:
         """Return the index of the run of a mixing ratio. Raises RecordError if there is no such run."""
         found = np.flatnonzero(np.abs(self.ratios - ratio) < 1e-6)
@@ -77,7 +75,6 @@ class SweepResults:
         return int(found[0])
 
     def index_nearest(self, ratio: float) -> int:
-        """Return the index of the run whose mixing ratio is nearest to one."""
         return int(np.argmin(np.abs(self.ratios - ratio)))
 
     def indices_coal_gangue_at_3(self) -> tuple[int, int]:
@@ -89,8 +86,6 @@ class SweepResults:
         if "coal" not in third or "gangue" not in third:
             raise RecordError(f"{self.sweep.path}: place 3 is never coal or never gangue in these runs")
         return len(third) - 1 - third[::-1].index("coal"), third.index("gangue")
-
-    # -------------------------------------------------------- coal and gangue
 
     @cached_property
     def is_gangue(self) -> np.ndarray:

@@ -27,7 +27,6 @@ class FinishedTable:
 
     @property
     def csv(self) -> str:
-        """The packed CSV of the table."""
         return pack_text(to_csv([self.header, *self.rows]))
 
 

@@ -8,7 +8,7 @@ ratios: mixing ratio of each run, shape (runs,). values: one number a run, shape
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import rankdata, spearmanr
@@ -29,36 +29,33 @@ LEAST_TREND = 4
 
 
 @dataclass(frozen=True)
-class Statement:
-    """A statement of the paper.
-
-    where: its figure, table or section. figure: key of ours. expected: the rule in words. test: gives the finding.
-    """
+class Claim:
+    """A statement of the paper with its verdict and our number. where: its figure, table or section. figure: key of
+    ours. expected: the rule in words."""
 
     text: str
     where: str
     figure: str
     expected: str
-    test: Test
+    verdict: str = NOT_TESTED
+    value: str = ""
 
 
-@dataclass(frozen=True)
-class Claim(Statement):
-    """A statement with its verdict and our number."""
+class Statement:
+    """A claim, and the test that gives its finding."""
 
-    verdict: str
-    value: str
+    def __init__(self, text: str, where: str, figure: str, expected: str, test: Test) -> None:
+        self.claim, self.test = Claim(text, where, figure, expected), test
 
 
 def check_statements(results: SweepResults, statements: Sequence[Statement]) -> list[Claim]:
-    """Compare every statement with the results of a sweep."""
     claims = []
-    for s in statements:
+    for statement in statements:
         try:
-            verdict, value = s.test(results)
+            verdict, value = statement.test(results)
         except MISSING_RESULT as reason:
             verdict, value = NOT_TESTED, str(reason)
-        claims.append(Claim(**vars(s), verdict=verdict, value=value))
+        claims.append(replace(statement.claim, verdict=verdict, value=value))
     return claims
 
 
@@ -66,9 +63,6 @@ def claims_csv(claims: list[Claim]) -> str:
     """Return the claims as CSV: claim, where, verdict, value, expected."""
     return to_csv([["claim", "where", "verdict", "value", "expected"],
                    *([c.text, c.where, c.verdict, c.value, c.expected] for c in claims)])
-
-
-# ------------------------------------------------------------ kinds of statement
 
 
 def held_if(true: bool) -> str:
@@ -111,14 +105,18 @@ def describe_trend(ratios: np.ndarray, values: np.ndarray, direction: int = 1) -
     return f"Spearman {spearman(ratios, values):.3f}, {against}"
 
 
-def all_rise(named: dict[str, np.ndarray], ratios: np.ndarray) -> Finding:
-    """Return the finding on several quantities that rise together: held if each does."""
-    rho = {name: spearman(ratios, values) for name, values in named.items()}
-    numbers = ", ".join(f"{name} {value:.3f}" for name, value in rho.items())
-    if all(value >= 0.9 for value in rho.values()):
-        return HELD, f"Spearman {numbers}"
-    partly = max(rho.values()) >= 0.9 or min(rho.values()) >= 0.5
-    return PARTLY if partly else NOT_HELD, f"Spearman {numbers}"
+def all_rise(named: Callable[[SweepResults], dict[str, np.ndarray]]) -> Test:
+    """Test whether several quantities rise together with the ratio: held if each does."""
+
+    def test(results: SweepResults) -> Finding:
+        rho = {name: spearman(results.ratios, values) for name, values in named(results).items()}
+        numbers = ", ".join(f"{name} {value:.3f}" for name, value in rho.items())
+        if all(value >= 0.9 for value in rho.values()):
+            return HELD, f"Spearman {numbers}"
+        partly = max(rho.values()) >= 0.9 or min(rho.values()) >= 0.5
+        return PARTLY if partly else NOT_HELD, f"Spearman {numbers}"
+
+    return test
 
 
 def spearman(ratios: np.ndarray, values: np.ndarray) -> float:

@@ -96,15 +96,8 @@ ENDINGS = (*TABLES, *CHANNELS, *ARRAYS)
 TIME_WORDS = (*TIME_COLUMNS, "second", "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время", "时间", "時間")
 
 
-def read_record(
-    path: str | Path,
-    *,
-    column: str | None = None,
-    rate_Hz: float | None = None,
-    scale: float = 1.0,
-    unit: str | None = None,
-    time: str | None = None,
-) -> Record:
+def read_record(path: str | Path, *, column: str | None = None, rate_Hz: float | None = None, scale: float = 1.0,
+                unit: str | None = None, time: str | None = None) -> Record:
     """Read one signal from a run directory, or from a file with one of ENDINGS.
 
     column: name of the signal, with or without the unit in brackets behind it, or its number from 0 where it has none

@@ -103,9 +103,8 @@ def _decomposed(signal: Decomposition | Signal) -> Decomposition:
     return signal if isinstance(signal, Decomposition) else decompose(signal)
 
 
-def marginal_spectrum(
-    signal: Decomposition | Signal, *, kind: str = "amplitude", bin_width_Hz: float = BIN_WIDTH_HZ
-) -> MarginalSpectrum:
+def marginal_spectrum(signal: Decomposition | Signal, *, kind: str = "amplitude",
+                      bin_width_Hz: float = BIN_WIDTH_HZ) -> MarginalSpectrum:
     """Return the marginal spectrum of all IMFs of a decomposition or a signal, from 0 to half the sample rate in equal
     bins.
 
@@ -133,9 +132,8 @@ def marginal_spectrum(
     return MarginalSpectrum(edges_Hz, sums / (rate_Hz * bin_width_Hz), kind, left_out)
 
 
-def hilbert_spectrum(
-    signal: Decomposition | Signal, *, bin_width_Hz: float = BIN_WIDTH_HZ, times: int = 100
-) -> HilbertSpectrum:
+def hilbert_spectrum(signal: Decomposition | Signal, *, bin_width_Hz: float = BIN_WIDTH_HZ,
+                     times: int = 100) -> HilbertSpectrum:
     """Return the Hilbert spectrum, of a decomposition or a signal, on equal cells of frequency and time. Raises
     RecordError for a width that is not > 0, and no times.
 

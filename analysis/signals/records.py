@@ -84,7 +84,6 @@ class Record:
 
     @property
     def dt_s(self) -> float:
-        """Time between two samples."""
         return 1.0 / self.rate_Hz
 
     @property
@@ -139,10 +138,8 @@ def sample_rate_Hz(t_s: np.ndarray, source: str, may_be_rounded: bool = True) ->
     dt_s = (t_s[-1] - t_s[0]) / steps.size
     worst = int(np.argmax(np.abs(steps - dt_s)))
     if abs(steps[worst] - dt_s) > MAX_TIME_JITTER * dt_s and not (may_be_rounded and _even_but_rounded(t_s, dt_s)):
-        raise RecordError(
-            f"{source}: interval {steps[worst]:.6g} s at sample {worst}, {dt_s:.6g} s in the mean;"
-            " needs a uniform sample rate"
-        )
+        raise RecordError(f"{source}: interval {steps[worst]:.6g} s at sample {worst}, {dt_s:.6g} s in the mean; needs "
+                          "a uniform sample rate")
     if dt_s < LEAST_INTERVAL_s:
         raise RecordError(f"{source}: {dt_s:.6g} s from sample to sample; must be at least {LEAST_INTERVAL_s:g} s")
     return 1.0 / dt_s
@@ -174,10 +171,8 @@ def chosen(path: str | Path, asked: str | None, channels: Channels) -> Record:
     return known[asked]()
 
 
-def as_record(
-    signal: Signal, rate_Hz: float | None = None, *, unit: str | None = None,
-    name: str | None = None,
-) -> Record:  # fmt: skip
+def as_record(signal: Signal, rate_Hz: float | None = None, *, unit: str | None = None,
+              name: str | None = None) -> Record:
     """Return a Record from an array with its rate, from a pandas Series, or from a Record.
 
     A Series needs no rate if its index is the time in seconds, or in the unit behind its name, a DatetimeIndex or a

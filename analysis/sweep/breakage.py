@@ -227,7 +227,6 @@ class Section:
 
     @property
     def area_m2(self) -> float:
-        """Area of all discs."""
         return float(np.pi * np.sum(self.radius_m**2))
 
     @property

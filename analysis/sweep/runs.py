@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,9 +22,9 @@ from common.channels import RESPONSES, unit_of
 from common.files.whole import read_json
 from common.input_error import InputError, raised_as
 from common.run_summary import RecordedScene, RunSummary, summary_from
+from common.scene.stones import By
 
 BREAKAGE_COLUMNS = ("t_s", "agglomerate", "x_m", "y_m", "z_m", "mode", "stress_Pa", "energy_J", "area_m2")
-By = Literal["mass", "number"]
 COLUMNS = ("material", "radius_m", "arrival_s", "mass_kg", "first_contact_s", "peak_force_N", "broken_area_m2",
            "left_mass_kg", "left_s")
 
@@ -65,12 +65,10 @@ class Run:
 
     @property
     def t_s(self) -> np.ndarray:
-        """Times of the samples."""
         return self.signals["t_s"].to_numpy(dtype=float)
 
     @cached_property
     def rate_Hz(self) -> float:
-        """Sample rate."""
         return sample_rate_Hz(self.t_s, f"{self.path}/signals.parquet: t_s")
 
     def record(self, column: str) -> Record:

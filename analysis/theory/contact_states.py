@@ -31,8 +31,6 @@ Given = TypeVar("Given")
 
 @dataclass(frozen=True)
 class Elastic:
-    """An elastic material."""
-
     density_kg_m3: float
     youngs_modulus_Pa: float
     poisson_ratio: float
@@ -61,7 +59,6 @@ STATES = {
 
 
 def sphere_mass_kg(rock: Elastic, radius_m: float) -> float:
-    """Return the mass of a sphere."""
     return 4.0 / 3.0 * np.pi * radius_m**3 * rock.density_kg_m3
 
 
@@ -70,9 +67,8 @@ def contact_stiffness(rock: Elastic, radius_m: float, plate: Elastic = PLATE) ->
     return float(hertz.stiffness_N_m32(hertz.contact_modulus_Pa(rock, plate), radius_m))
 
 
-def beam_compliance(
-    x_m: ArrayLike, length_m: float, width_m: float, thickness_m: float, plate: Elastic = PLATE
-) -> np.ndarray:
+def beam_compliance(x_m: ArrayLike, length_m: float, width_m: float, thickness_m: float,
+                    plate: Elastic = PLATE) -> np.ndarray:
     """Return the deflection per force, m/N, of the paper's plate, a beam supported at both ends (Eqs. 10, 21).
 
     C = x y (L^2 - x^2 - y^2) / (6 E I L), y = L - x, I = B h^3 / 12. The distance x from the left end, 0..L, may have
@@ -86,14 +82,8 @@ def beam_compliance(
     return x * y * (length_m**2 - x**2 - y**2) / (6.0 * plate.youngs_modulus_Pa * inertia * length_m)
 
 
-def max_deformation_m(
-    stiffness: float,
-    mass_kg: float,
-    speed_m_s: float,
-    *,
-    restitution: float = 1.0,
-    compliance_m_N: float = 0.0,
-) -> float:
+def max_deformation_m(stiffness: float, mass_kg: float, speed_m_s: float, *, restitution: float = 1.0,
+                      compliance_m_N: float = 0.0) -> float:
     """Return the largest compression of the sphere, m: the exact root of (13) or (26).
 
     The restitution is 0 < e <= 1. With compliance 0 the root is the closed form (8) or (19). Raises RecordError for
@@ -116,28 +106,16 @@ def max_deformation_m(
     return float(brentq(excess, 0.0, rigid, xtol=1e-15 * rigid, rtol=4 * np.finfo(float).eps))
 
 
-def peak_force_N(
-    state: State,
-    rock: Elastic,
-    *,
-    radius_m: float = 0.025,
-    speed_m_s: float = 3.0,
-    restitution: float = 0.5,
-    compliance_m_N: float = 0.0,
-    plate: Elastic = PLATE,
-) -> float:
+def peak_force_N(state: State, rock: Elastic, *, radius_m: float = 0.025, speed_m_s: float = 3.0,
+                 restitution: float = 0.5, compliance_m_N: float = 0.0, plate: Elastic = PLATE) -> float:
     """Return the force of one sphere in a state at its largest compression, N (Eqs. 8, 9, 11, 19, 20, 22, 30).
 
     Restitution and compliance count only where the state has damping or deflection.
     """
     stiffness = contact_stiffness(rock, radius_m, plate)
-    d = max_deformation_m(
-        stiffness,
-        sphere_mass_kg(rock, radius_m),
-        speed_m_s,
-        restitution=restitution if state.damped else 1.0,
-        compliance_m_N=compliance_m_N if state.deflects else 0.0,
-    )
+    d = max_deformation_m(stiffness, sphere_mass_kg(rock, radius_m), speed_m_s,
+                          restitution=restitution if state.damped else 1.0,
+                          compliance_m_N=compliance_m_N if state.deflects else 0.0)
     return float(stiffness * d**1.5)
 
 
@@ -147,9 +125,8 @@ def materials_in_order(gangue_count: int, order: list[int]) -> list[str]:
     return ["gangue" if place in gangue else "coal" for place in range(1, len(order) + 1)]
 
 
-def total_force_N(
-    state: State, rocks: list[Elastic], compliances_m_N: ArrayLike, restitutions: ArrayLike, **impact: Any
-) -> float:
+def total_force_N(state: State, rocks: list[Elastic], compliances_m_N: ArrayLike, restitutions: ArrayLike,
+                  **impact: Any) -> float:
     """Return the sum of the single peaks (37), N, for the material at each position.
 
     Compliances and restitutions are those at each position, or one for all; further arguments are those of
@@ -157,9 +134,8 @@ def total_force_N(
     """
     count = len(rocks)
     rows = zip(rocks, np.broadcast_to(compliances_m_N, count), np.broadcast_to(restitutions, count), strict=True)
-    return sum(
-        peak_force_N(state, rock, compliance_m_N=float(c), restitution=float(e), **impact) for rock, c, e in rows
-    )
+    return sum(peak_force_N(state, rock, compliance_m_N=float(c), restitution=float(e), **impact)
+               for rock, c, e in rows)
 
 
 @dataclass(frozen=True)

@@ -55,16 +55,8 @@ class Spring:
     mass_kg: float
 
 
-def force_history(
-    law: str,
-    stiffness: float,
-    mass_kg: float,
-    speed_m_s: float,
-    restitution: float = 1.0,
-    *,
-    plate: Spring | None = None,
-    samples: int = 2001,
-) -> ForceHistory:
+def force_history(law: str, stiffness: float, mass_kg: float, speed_m_s: float, restitution: float = 1.0, *,
+                  plate: Spring | None = None, samples: int = 2001) -> ForceHistory:
     """Integrate an impact until the first loss of contact, to a relative tolerance of 1e-10.
 
     The Hertz stiffness K is in N/m^1.5, the restitution 0 < e <= 1; without a plate it is rigid.

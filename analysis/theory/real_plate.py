@@ -104,10 +104,8 @@ def hertz_contacts(run: Run, force_N: np.ndarray) -> list[HertzContact]:
     return [HertzContact(x, y, max(float(f), 0.0), s.radius_m, modulus_Pa[name]) for (x, y), f, name in rows]
 
 
-def contact_stress_map_Pa(
-    modes: PlateModes, amplitude: np.ndarray, contacts: Sequence[HertzContact], number: int, poisson_ratio: float,
-    offset_m: np.ndarray,
-) -> np.ndarray:  # fmt: skip
+def contact_stress_map_Pa(modes: PlateModes, amplitude: np.ndarray, contacts: Sequence[HertzContact], number: int,
+                          poisson_ratio: float, offset_m: np.ndarray) -> np.ndarray:
     """Return the von Mises stress (k, k) on a square grid at the top surface, from bending and every contact.
 
     The grid stands about contact `number` (1-based), at the offsets (k,) from it along x and along y.

@@ -75,7 +75,6 @@ def used_modules(code: Path) -> dict[Path, bytes]:
 
 
 def entry_file(directory: Path, kind: str, key: str) -> Path:
-    """Return the file in which an entry is kept."""
     return directory / f"{kind}-{key}.cache"
 
 

@@ -80,7 +80,6 @@ def _inverse(x: np.ndarray, density: np.ndarray, share: np.ndarray) -> np.ndarra
 
 
 def one_value(value: float) -> Distribution:
-    """The law that has no other value."""
     return Distribution(within=(value, value))
 
 

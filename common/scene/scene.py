@@ -232,17 +232,14 @@ class Scene(Table):
             return sorted({one.shape for one in self.stones.each})
         return sorted(self.shapes) if self.stones.drawn is not None and self.shapes else [SPHERE]
 
-    @property
-    def gravity_vector_m_s2(self) -> tuple[float, float, float]:
-        """Gravity in the frame of the plate."""
-        gravity, (x, y, z) = self.time.gravity_m_s2, self.down
-        return (gravity * x, gravity * y, gravity * z)
+    def down(self, length: float) -> tuple[float, float, float]:
+        """A vector straight down, in the frame of the plate."""
+        tilt = math.radians(self.plate.tilt_deg)
+        return (length * math.sin(tilt), 0.0, length * -math.cos(tilt))
 
     @property
-    def down(self) -> tuple[float, float, float]:
-        """Unit vector of the direction straight down, in the frame of the plate."""
-        tilt = math.radians(self.plate.tilt_deg)
-        return (math.sin(tilt), 0.0, -math.cos(tilt))
+    def gravity_vector_m_s2(self) -> tuple[float, float, float]:
+        return self.down(self.time.gravity_m_s2)
 
     @property
     def has_smooth_contact(self) -> bool:

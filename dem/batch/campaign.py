@@ -39,8 +39,6 @@ _log = logging.getLogger(__name__)
 
 
 class CampaignPlan(Table):
-    """A campaign's file."""
-
     scene: str  # file, beside the campaign's
     vary: dict[str, list[Any]] = Field(min_length=1)
 
@@ -116,5 +114,4 @@ def campaign(file: str | Path, out: str | Path, jobs: int = 1, profile: str | No
 
 
 def _missing(out: Path, runs: list[dict[str, Any]]) -> list[str]:
-    """Directories of runs that are not finished."""
     return [run["place"] for run in runs if not (out / run["place"] / "run.json").exists()]

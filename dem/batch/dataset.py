@@ -72,8 +72,6 @@ class StreamFamily(Table):
 
 
 class DatasetPlan(Table):
-    """The plan of a data set."""
-
     scene: str | None = None  # file, beside the plan, of all families but those with their own
     seed: Annotated[int, Field(ge=0)]
     changes: dict[str, Any] = Field(default_factory=dict)  # for all runs
@@ -96,8 +94,6 @@ class DatasetPlan(Table):
 
 @dataclass(frozen=True)
 class DatasetRun:
-    """One run of a data set."""
-
     directory: Path  # FAMILY/GROUP/ratio_050
     scene: Scene
     source: str

@@ -100,7 +100,6 @@ class PlatePipes:
         os.set_blocking(self._out, True)
 
     def close(self) -> None:
-        """Close and remove both pipes."""
         for descriptor in (self._in, self._out):
             if descriptor != CLOSED:
                 os.close(descriptor)

@@ -132,13 +132,11 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
 
 @cache
 def template(name: str) -> jinja2.Template:
-    """One of those of decks."""
     return jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), undefined=jinja2.StrictUndefined,
                               keep_trailing_newline=True).get_template(name)
 
 
 def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
-    """The text of the deck."""
     types: list[Substance | str] = [*assembly.substances, PLATE]
     stones_meet = _stones_meet(scene, assembly)
     contacts = [_contact(scene, a, b, stones_meet) for a in types for b in types]

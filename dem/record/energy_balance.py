@@ -55,7 +55,6 @@ class StoneLedger:
 
 
 def read_ledger(file: Path, n_agglomerates: int) -> StoneLedger:
-    """Read the ledger that the engine wrote."""
     record = np.dtype([("step", "<i8"), ("agglomerate", "<i8"), ("row", "<f8", (len(COLUMNS),))])
     data = np.fromfile(file, dtype=record)
     step, at = np.unique(data["step"], return_inverse=True)

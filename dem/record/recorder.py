@@ -110,7 +110,6 @@ class PlateRecorder:
                 "view_amplitude": np.array(list(self.view_amplitude.values())), **self.bending.get_state()}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        """Go on from what `get_state` gave."""
         self._blocks, self.steps, self._evaluated = [state["rows"]], state["steps"].tolist(), len(state["rows"])
         self._samples = [state["samples"]]
         self._waiting = len(state["waiting"])
@@ -125,12 +124,10 @@ class PlateRecorder:
         return np.concatenate([np.empty((3, 0, len(self._mean)), np.float32), *self._samples], axis=1)
 
     def signals(self) -> Columns:
-        """The signals of all rows."""
         self._evaluate()
         return dict(zip(self.columns, self._rows().T, strict=True))
 
     def motion(self, modes: PlateModes) -> RecordedMotion:
-        """The modal state at the samples."""
         self._evaluate()
         t_s = np.array(self.steps[::self._every]) * self._step.dt_s
         return RecordedMotion(modes, t_s, *self._of_samples())

@@ -78,7 +78,6 @@ class Progress:
                 inf if unknown else 2 * impacts_s + flights_s * (1 + 3 * known))
 
     def end(self) -> None:
-        """Clear the line on a terminal."""
         if self._shown and self._on_terminal:
             self._write("\r\033[K")
 

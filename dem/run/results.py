@@ -217,7 +217,6 @@ def versions() -> dict[str, str]:
 
 
 def own_version() -> str:
-    """Version of this package."""
     try:
         return importlib.metadata.version("coal-gangue-impact")
     except importlib.metadata.PackageNotFoundError:

@@ -45,7 +45,7 @@ def drawn_stones(scene: Scene, file: str) -> list[Stone]:
     shapes = scene.falling_shapes
     shape = rng("shape").integers(len(shapes), size=count)
     stones = [Stone(material=GANGUE if gangue[k] else COAL, radius_m=float(size_m[k]) / 2,
-                    place_m=(0.0, 0.0), velocity_m_s=tuple(float(speed[k]) * d for d in scene.down),  # type: ignore[arg-type]
+                    place_m=(0.0, 0.0), velocity_m_s=scene.down(float(speed[k])),
                     seed=packing[k], gap_m=scene.stones.gap_m, arrival_s=float(arrival_s[k]),
                     spin_rad_s=tuple(spin[k].tolist()), attitude=attitude[k],
                     shape=shapes[shape[k]], flaw_seed=seed + k) for k in range(count)]
@@ -228,12 +228,9 @@ def _packings(scene: Scene, count: int) -> tuple[list[int], list[tuple[float, fl
 
 
 def _one(scene: Scene, k: int, one: EachStone, seed: int) -> Stone:
-    """One of stones that are given one by one."""
     velocity = one.velocity_m_s
-    if not isinstance(velocity, tuple):
-        velocity = tuple(velocity * d for d in scene.down)  # type: ignore[assignment]
     return Stone(material=one.material, radius_m=one.radius_m, place_m=one.place_m,
-                 velocity_m_s=velocity,  # type: ignore[arg-type]
+                 velocity_m_s=velocity if isinstance(velocity, tuple) else scene.down(velocity),
                  seed=seed, gap_m=scene.stones.gap_m, flaw_seed=scene.stones.seed + k,
                  arrival_s=one.arrival_s, spin_rad_s=one.spin_rad_s, attitude=one.attitude or UPRIGHT, shape=one.shape)
 
@@ -247,11 +244,11 @@ def _volley(scene: Scene, file: str) -> list[Stone]:
     if abs(n_gangue - round(n_gangue)) > 1e-9:
         raise InputError(f"{file}: stones.gangue_ratio = {table.gangue_ratio}: with {table.count} stones it must be "
                          f"a multiple of 1/{table.count}")
-    chosen, (dx, dy, dz) = set(table.gangue_order[:round(n_gangue)]), scene.down
+    chosen = set(table.gangue_order[:round(n_gangue)])
     # A place keeps its packing whatever its material, so that a sweep changes the material alone.
     seeds, attitudes = _packings(scene, table.count)
     return [Stone(material=GANGUE if k + 1 in chosen else COAL, radius_m=table.radius_m,
-                  place_m=place, velocity_m_s=(speed * dx, speed * dy, speed * dz),
+                  place_m=place, velocity_m_s=scene.down(speed),
                   seed=seeds[k], gap_m=table.gap_m, attitude=attitudes[k], flaw_seed=table.seed + k)
             for k, place in enumerate(table.positions_m)]
 

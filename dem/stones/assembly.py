@@ -57,12 +57,10 @@ class Assembly:
 
     @property
     def n_particles(self) -> int:
-        """Number of sub-spheres."""
         return len(self.radius_m)
 
     @property
     def n_bonds(self) -> int:
-        """Number of bonds, 0 for unbonded spheres."""
         return len(self.bond_first)
 
     @property
@@ -77,7 +75,6 @@ class Assembly:
 
     @property
     def stone_materials(self) -> list[str]:
-        """Name of the material of each stone."""
         return [stone.material for stone in self.stones]
 
     @property

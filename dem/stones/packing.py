@@ -38,13 +38,12 @@ REFERENCE_RADIUS_m = 0.025  # with which a packing is kept; all sizes are alike
 
 @dataclass(frozen=True)
 class SphereContainer:
-    """A sphere about the origin."""
+    """A sphere about the origin; what it says of its methods holds for all containers."""
 
     radius_m: float
 
     @property
     def volume_m3(self) -> float:
-        """Volume."""
         return 4 / 3 * np.pi * self.radius_m**3
 
     @property
@@ -71,16 +70,13 @@ class CylinderContainer:
 
     @property
     def volume_m3(self) -> float:
-        """Volume."""
         return np.pi * self.radius_m**2 * self.length_m
 
     @property
     def half_size_m(self) -> np.ndarray:
-        """(3,) half of the extent along x, y, z."""
         return np.array([self.radius_m, self.radius_m, self.length_m / 2])
 
     def walls(self, x: np.ndarray) -> Walls:
-        """The walls as seen from points x (n, 3)."""
         r = np.sqrt((x[:, :2] ** 2).sum(1))
         side = np.zeros_like(x)
         side[:, :2] = -x[:, :2] / np.maximum(r, 1e-300)[:, None]
@@ -88,7 +84,6 @@ class CylinderContainer:
         return [(self.radius_m - r, side), (ends, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))]
 
     def in_units(self, length_m: float) -> "CylinderContainer":
-        """The same in units of `length_m`."""
         return CylinderContainer(self.radius_m / length_m, self.length_m / length_m)
 
 
@@ -103,11 +98,9 @@ class ConvexContainer:
 
     @property
     def half_size_m(self) -> np.ndarray:
-        """(3,) half of the extent of a box about the origin that holds it."""
         return np.array(self.extent_m)
 
     def walls(self, x: np.ndarray) -> Walls:
-        """The walls as seen from points x (n, 3)."""
         normal, offset_m = self._planes
         return [(offset_m - x @ normal.T, -normal)]
 
@@ -118,7 +111,6 @@ class ConvexContainer:
         return faces[:, :3], faces[:, 3]
 
     def in_units(self, length_m: float) -> "ConvexContainer":
-        """The same in units of `length_m`."""
         faces = tuple((a, b, c, d / length_m) for a, b, c, d in self.faces)
         x, y, z = self.extent_m
         return ConvexContainer(faces, (x / length_m, y / length_m, z / length_m), self.volume_m3 / length_m**3)

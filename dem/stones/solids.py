@@ -140,7 +140,6 @@ class MeshContainer:
 
     @property
     def half_size_m(self) -> np.ndarray:
-        """(3,) half of the extent of a box about the origin that holds it."""
         half: np.ndarray = np.abs(self._corner).max(axis=0)
         return half
 
@@ -178,7 +177,6 @@ class MeshContainer:
         return walls
 
     def in_units(self, length_m: float) -> "MeshContainer":
-        """The same in units of `length_m`."""
         corners = tuple(map(tuple, (self._corner / length_m).tolist()))
         return MeshContainer(corners, self.triangles, self.volume_m3 / length_m**3)
 
@@ -235,7 +233,6 @@ def solid_of(shape: Shape, seed: int) -> Solid:
 
 
 def polyhedron(shape: ShapeTable, seed: int) -> Solid:
-    """A random polyhedron."""
     corners = shape.corners
     rng = np.random.default_rng([seed, corners])
     point = rng.normal(size=(corners, 3))

@@ -45,13 +45,11 @@ def material_of(scene: Scene, substance: Substance) -> MaterialTable:
 
 
 def bond_of(scene: Scene, substance: Substance) -> BondTable:
-    """The bonds of a substance."""
     bond = scene.bond_of(substance.material)
     return bond.model_copy(update={"youngs_modulus_Pa": bond.youngs_modulus_Pa * substance.youngs_modulus_factor})
 
 
 def plate_contact(scene: Scene, substance: Substance) -> ContactTable:
-    """The contact of a substance with the plate."""
     contact = scene.plate_contact(substance.material)
     return contact if substance.restitution == 0 else contact.model_copy(update={"restitution": substance.restitution})
 
@@ -116,7 +114,6 @@ class Stone:
 
     @property
     def substance(self) -> Substance:
-        """What it is made of."""
         return Substance(self.material, self.youngs_modulus_factor, self.restitution)
 
     @property
@@ -199,7 +196,6 @@ class Flying:
         return int(there[gap.argmin()]), float(gap.min())
 
     def add(self, stone: Stone) -> None:
-        """A stone that flies from now on."""
         entry = entry_of(stone, self._gravity)
         self._rows.append([entry.entry_s, stone.arrival_s, *entry.velocity_m_s, reach_m(self._scene, stone),
                            *_center_m(stone, entry)])

@@ -213,13 +213,11 @@ def _area(rod: Rod) -> float:
 
 @lru_cache(maxsize=4)
 def _bar(rod: Rod, max_frequency_Hz: float) -> Matrices:
-    """Return the bar in tension."""
     return _second_order(rod, rod.youngs_modulus_Pa * _area(rod), rod.density_kg_m3 * _area(rod), max_frequency_Hz)
 
 
 @lru_cache(maxsize=4)
 def _shaft(rod: Rod, nu: float, max_frequency_Hz: float) -> Matrices:
-    """Return the shaft in torsion."""
     polar = math.pi * rod.diameter_m**4 / 32
     shear_modulus = rod.youngs_modulus_Pa / (2 * (1 + nu))
     return _second_order(rod, shear_modulus * polar, rod.density_kg_m3 * polar, max_frequency_Hz)

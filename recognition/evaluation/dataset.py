@@ -40,7 +40,6 @@ class DataSet:
 
     @cached_property
     def signals(self) -> list[pd.DataFrame]:
-        """Records of all runs in the window."""
         return [self.window.cut(run.signals, str(run.path)) for run in self.runs]
 
     @property

@@ -87,7 +87,6 @@ class ArrangementLikelihood:
         return 0.0 if self.exact_trigger else None
 
     def answer(self, X: Sequence[PlateRecord]) -> list[Answer]:
-        """Answers to records."""
         @cache
         def search() -> FallSearch:
             return FallSearch.of(self.model_, LATEST_FALL_S)

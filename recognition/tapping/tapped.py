@@ -248,15 +248,11 @@ def write_modes(file: Path, plate: PlateModel) -> None:
 
 
 class TapTable(Place):
-    """One tap."""
-
     record: Annotated[str, about("beside this file: t_s, acc_NAME_m_s2 and, where measured, force_N; or FRFs")]
     unknown_force: Annotated[bool, about("take no notice of force_N")] = False
 
 
 class TapFile(Table):
-    """The whole file."""
-
     taps: Annotated[tuple[TapTable, ...], Field(min_length=1), about("the taps")]
     prior: Prior = Prior()
     scale: Annotated[float, about("factor on the samples of accelerations")] = 1.0

@@ -19,7 +19,6 @@ def rendered(template: str, filters: Mapping[str, Callable[[Any], Any]], **conte
 
 
 def to_csv(rows: Iterable[Sequence[str]]) -> str:
-    """Rows as CSV."""
     out = io.StringIO()
     csv.writer(out, lineterminator="\n").writerows(rows)
     return out.getvalue()

@@ -88,5 +88,4 @@ def camera(plate: RecordedPlate, aspect: float) -> Callable[[np.ndarray], tuple[
 
 
 def largest_force_s(run: Run) -> float:
-    """When the force on the plate is largest."""
     return float(run.finest["t_s"].iloc[int(np.argmax(run.finest["force_N"].to_numpy()))])

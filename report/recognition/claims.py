@@ -25,8 +25,6 @@ from report.verdicts import (
     travel,
 )
 
-# --------------------------------------------------------- fused parameter Q
-
 
 def q_rises(results: SweepResults) -> Finding:
     q = results.recognition.q
@@ -56,8 +54,6 @@ def q_recognises_roughly(results: SweepResults) -> Finding:
     value = f"held out: mean {errors.mean():.2f}, worst {errors.max():.2f} points"
     return graded(errors.max(), 3.0, 1.0), value
 
-
-# ------------------------------------------------------------- Kalman filter
 
 ENERGY_NAMES = ("total_J", "kinetic_J", "internal_J")
 
@@ -100,13 +96,8 @@ def filtered_motion_is_not_monotone(results: SweepResults) -> Finding:
     return held_if_all([count > 0 for count in against.values()]), value
 
 
-# --------------------------------------------------------------------- fusion
-
-
-def fused_maxima_rise(results: SweepResults) -> Finding:
-    fused = results.recognition.fused
-    maxima = {kind: np.abs(curves - curves[:, :1]).max(axis=1) for kind, curves in fused.items()}
-    return all_rise(maxima, results.ratios)
+def fused_maxima(results: SweepResults) -> dict[str, np.ndarray]:
+    return {kind: np.abs(curves - curves[:, :1]).max(axis=1) for kind, curves in results.recognition.fused.items()}
 
 
 def energy_fusion_is_stratified(results: SweepResults) -> Finding:
@@ -144,9 +135,6 @@ def energy_fusion_separates_best(results: SweepResults) -> Finding:
     return held_if_all([kind == "energy" for kind in best]), f"stratification/separation: {numbers}"
 
 
-# ---------------------------------------------------------------- recognition
-
-
 def strategy_beats_q(results: SweepResults) -> Finding:
     of_q = np.abs(results.recognition.errors_points(HELD_OUT, FUSION_Q))
     if of_q.size == 0:
@@ -179,7 +167,7 @@ RECOGNITION_STATEMENTS = [
     Statement("Filtered, the amplitudes of a, v and u do not change monotonously", "Fig. 27", "fig-27",
               "a step against the rise in each", filtered_motion_is_not_monotone),
     Statement("The maxima of all four fusion parameters rise with the ratio", "Fig. 33-36", "fig-33",
-              "Spearman >= 0.9 for each", fused_maxima_rise),
+              "Spearman >= 0.9 for each", all_rise(fused_maxima)),
     Statement("In 0..0.03 s the energy fusion curves of the ratios lie apart, uncrossed", "Fig. 33", "fig-33",
               "mean |Spearman| 0.95 or more; partly from 0.8", energy_fusion_is_stratified),
     Statement("Energy fusion has a single peak", "Fig. 33", "fig-33", "1.2 or less; partly to 2",

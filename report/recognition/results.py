@@ -68,7 +68,6 @@ class RecognitionResults:
 
     @cached_property
     def answers(self) -> dict[str, list[dict[str, Answer]]]:
-        """Answers of all methods to each run, by the training."""
         return {TRAINED_ON_ALL: self.by_all, HELD_OUT: self.held_out}
 
     @cached_property
@@ -89,8 +88,6 @@ class RecognitionResults:
     def leading_of(self, methods: Iterable[str]) -> str:
         """The method that answers most records held out; of equals the first."""
         return max(methods, key=lambda name: self.errors_points(HELD_OUT, name).size)
-
-    # ----------------------------------------------------------- fused parameter Q
 
     @cached_property
     def _base(self) -> np.ndarray:
@@ -118,8 +115,6 @@ class RecognitionResults:
         """The quadratic through Q of the runs (Table 3)."""
         return fit_polynomial(self._ratios, self.q, 2)
 
-    # ------------------------------------------------------ Kalman filter, fusion
-
     @cached_property
     def filtered(self) -> dict[str, np.ndarray]:
         """The six responses after the Kalman filter, in SI units, shape (runs, samples) each."""
@@ -143,8 +138,6 @@ class RecognitionResults:
     def fused(self) -> dict[str, np.ndarray]:
         """The four fusion parameters QQ, shape (runs, samples) each."""
         return {kind: fusion.transform(self.fusion_inputs(kind)) for kind, fusion in self._fusions.items()}
-
-    # ------------------------------------------------------- recognition strategy
 
     def moment_fits(self, count: int, ratios: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
         """Return `count` moments of the function space of the modified energy fusion, evenly chosen: time, QQ of the

@@ -14,10 +14,9 @@ def number_of_imfs_differs(results: SweepResults) -> Finding:
     return held_if(len(set(counts)) > 1), f"{min(counts)} to {max(counts)} IMFs"
 
 
-def first_imf_rises(results: SweepResults) -> Finding:
+def first_imf(results: SweepResults) -> dict[str, np.ndarray]:
     first = [d.imfs[0] for d in results.signals.decompositions]
-    up, down = np.array([imf.max() for imf in first]), np.array([-imf.min() for imf in first])
-    return all_rise({"up": up, "down": down}, results.ratios)
+    return {"up": np.array([imf.max() for imf in first]), "down": np.array([-imf.min() for imf in first])}
 
 
 def other_imfs_are_irregular(results: SweepResults) -> Finding:
@@ -49,11 +48,7 @@ DISORDERLY = ("mean", "waveform_index", "kurtosis_index")
 
 
 def parameters_change(names: Sequence[str], direction: int) -> Test:
-    def test(results: SweepResults) -> Finding:
-        named = {name.replace("_", " "): direction * results.signals.parameters[name] for name in names}
-        return all_rise(named, results.ratios)
-
-    return test
+    return all_rise(lambda of: {name.replace("_", " "): direction * of.signals.parameters[name] for name in names})
 
 
 def parameters_are_disorderly(results: SweepResults) -> Finding:
@@ -68,7 +63,7 @@ SIGNAL_STATEMENTS = [
     Statement("The number of IMFs differs from ratio to ratio", "Fig. 22", "fig-22", "differs",
               number_of_imfs_differs),
     Statement("The maxima of IMF 1 rise in both directions", "Fig. 22", "fig-22", "Spearman >= 0.9 for both",
-              first_imf_rises),
+              all_rise(first_imf)),
     Statement("The other IMFs show no regular pattern", "Fig. 22", "fig-22", "|Spearman| < 0.9 for each",
               other_imfs_are_irregular),
     Statement("Mean, waveform and kurtosis index and the energy share of IMF 1 change without order", "Fig. 23",

@@ -11,7 +11,8 @@ import pandas as pd
 from analysis import RecordError, Run
 from analysis.files.readers import read_table
 from analysis.sweep import breakage
-from analysis.sweep.runs import By, fallen, true_ratio
+from analysis.sweep.runs import fallen, true_ratio
+from common.scene.stones import By
 from recognition.stream.stones import sliding_ratio
 from report.missing import MissingResult
 from report.tables import FinishedTable
@@ -66,7 +67,6 @@ class StreamResults:
 
     @property
     def end_s(self) -> float:
-        """End of the run."""
         return float(self.run.t_s[-1])
 
     @property

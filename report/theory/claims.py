@@ -23,10 +23,8 @@ def position_does_not_matter(results: SweepResults) -> Finding:
 
 def weakest_in_the_middle(results: SweepResults) -> Finding:
     forces = [f[key] for f in _along(results).values() for key in DEFLECTING]
-    least_in_middle = all(
-        np.argmin(f) == MIDDLE and np.all(np.diff(f[MIDDLE:]) > 0) and np.all(np.diff(f[: MIDDLE + 1]) < 0)
-        for f in forces
-    )
+    least_in_middle = all(np.argmin(f) == MIDDLE and np.all(np.diff(f[MIDDLE:]) > 0)
+                          and np.all(np.diff(f[:MIDDLE + 1]) < 0) for f in forces)
     depth = max(1 - f.min() / f.max() for f in forces)
     return held_if(least_in_middle), f"up to {100 * depth:.1f} % lower in the middle"
 
