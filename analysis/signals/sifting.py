@@ -64,7 +64,7 @@ class LeanEMD(EMD):  # type: ignore[misc, valid-type]
     def find_extrema(self, T: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return times and values of the maxima, the same of the minima, and the zero crossings."""
         top_t, top, bottom_t, bottom, zeros = super().find_extrema(T, S)
-        tops, bottoms = (np.diff(t, prepend=-np.inf) > 0.5 * (T[1] - T[0]) for t in (top_t, bottom_t))
+        tops, bottoms = (_apart(t, 0.5 * (T[1] - T[0])) for t in (top_t, bottom_t))
         return top_t[tops], top[tops], bottom_t[bottoms], bottom[bottoms], zeros
 
     def spline_points(self, T: np.ndarray, extrema: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -75,6 +75,13 @@ class LeanEMD(EMD):  # type: ignore[misc, valid-type]
         return t, not_a_knot(extrema[0], extrema[1], t)
 
 
+def _apart(t: np.ndarray, least: float) -> np.ndarray:
+    """Which of the ascending times are later than the one before by more than this."""
+    later = np.ones(len(t), bool)
+    later[1:] = t[1:] - t[:-1] > least
+    return later
+
+
 def not_a_knot(x: np.ndarray, y: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Return the values, at the ascending abscissae `at`, of the not-a-knot spline through at least four points (x, y).
 
@@ -82,8 +89,8 @@ def not_a_knot(x: np.ndarray, y: np.ndarray, at: np.ndarray) -> np.ndarray:
     slopes of the chords. The first and the last row demand that the third derivative is the same on both sides of the
     second and of the last but one knot.
     """
-    h = np.diff(x)
-    d = np.diff(y) / h
+    h = x[1:] - x[:-1]
+    d = (y[1:] - y[:-1]) / h
     n = len(x)
     low, middle, high, right = np.empty(n - 1), np.empty(n), np.empty(n - 1), np.empty(n)
     low[:-1], middle[1:-1], high[1:] = h[1:], 2 * (h[:-1] + h[1:]), h[:-1]
@@ -93,7 +100,7 @@ def not_a_knot(x: np.ndarray, y: np.ndarray, at: np.ndarray) -> np.ndarray:
     middle[-1], low[-1] = h[-2], h[-1] + h[-2]
     right[-1] = (h[-1] ** 2 * d[-2] + (2 * low[-1] + h[-1]) * h[-2] * d[-1]) / low[-1]
     s = dgtsv(low, middle, high, right, 1, 1, 1, 1)[3]
-    k = np.clip(np.searchsorted(x, at, side="right") - 1, 0, n - 2)
+    k = np.searchsorted(x[1:-1], at, side="right")
     u = at - x[k]
     bend = (s[:-1] + s[1:] - 2 * d) / h
     return y[k] + u * (s[k] + u * ((d[k] - s[k]) / h[k] - bend[k] + u * (bend / h)[k]))

@@ -93,11 +93,12 @@ def hash_of(file: Path) -> str | None:
 def files_in(directory: Path) -> Iterator[str]:
     """Every file below a directory but contents.json; a symbolic link counts as a file. Raises OSError for a directory
     that cannot be read."""
+    above = len(os.path.join(directory, ""))
     for place, directories, names in os.walk(directory, onerror=_raise):
-        links = [name for name in directories if (Path(place) / name).is_symlink()]
+        links = [name for name in directories if os.path.islink(os.path.join(place, name))]
         for name in [*names, *links]:
-            if (file := (Path(place) / name).relative_to(directory)) != Path(CONTENTS):
-                yield str(file)
+            if (file := os.path.join(place, name)[above:]) != CONTENTS:
+                yield file
 
 
 def _raise(error: OSError) -> None:
