@@ -51,7 +51,7 @@ def drawn(name: str, reference: str, seed: int, hours: float) -> dict[str, objec
     return {"unsafe": found.foreseen.unsafe, "foreseen_delay_s": found.foreseen.delay / RATE_1_s,
             "foreseen_alarms_1_h": found.foreseen.false_alarms_1_h,
             "alarms_1_h": heard[:, RISE + FALL:].sum() / hours, "perfect_alarms_1_h": perfect[:, RISE + FALL:].sum() / hours,
-            "delay_s": ABOVE / RATE_1_s / max(float(found.alarm[-ABOVE:].sum()), 1e-9),
+            "delay_s": ABOVE / RATE_1_s / alarms if (alarms := found.alarm[-ABOVE:].sum()) else np.inf,
             **{f"{name}_{k}_s": alarm.argmax() / RATE_1_s if alarm.any() else np.inf
                for name, alarms in (("alarm", heard), ("perfect", perfect)) for k, alarm in enumerate(alarms[:, :RISE])}}
 
