@@ -163,3 +163,9 @@ def test_what_is_not_finite_or_of_another_length_is_refused():
     for wrong in ((curves, ratios[:4]), (curves[:0], ratios[:0]), (curves[:, 0], ratios)):
         with pytest.raises(RecognitionError, match="shape"):
             Rule(degree=1).fit(*wrong)
+
+
+@pytest.mark.parametrize("ratios", [100 * RATIOS, RATIOS - 0.5])
+def test_ratios_in_per_cent_are_refused(ratios):
+    with pytest.raises(RecognitionError, match="mixing ratios are from 0 to 1"):
+        Strategy().fit(np.ones((len(ratios), 5)), ratios)
