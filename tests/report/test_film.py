@@ -13,6 +13,7 @@ import pytest
 from analysis import read_run
 from dem.run.paraview import Mesh, VtuWriter
 from report.drawing.lines import envelope
+from report.film import reel
 from report.film.packing import OUTSIDE, pack_moving, quantised
 from report.film.pictures import EARLY, IMPACT, WHOLE, Instant, choose, instants, read_arrays, read_film
 from report.film.reel import QUANTUM_M, pack_run
@@ -152,3 +153,16 @@ def test_the_envelope_keeps_every_extreme():
     assert thin_s.size <= 902 and np.all(np.diff(thin_s) > 0)
     assert thin.max() == 9.0 and thin.min() == values.min()
     assert {(t, v) for t, v in zip(thin_s, thin, strict=True)} <= set(zip(t_s, values, strict=True))
+
+
+@pytest.mark.parametrize("room", [0, 112, 113, 250, 358, 700, 10**6])
+def test_a_run_shows_as_many_pictures_as_its_room_has_place_for(monkeypatch, room):
+    texts = {most: "x" * int(20 + 10 * most**0.9) for most in (100, 50, 25, 12)}
+    monkeypatch.setattr(reel, "pack_run", lambda run, network, wanted: texts[wanted[0].most])
+    monkeypatch.setattr(reel, "BUDGET_BYTES", 2 * room)
+    fitting = [text for text in texts.values() if len(text) <= room]
+    if fitting:
+        assert reel.pack_films(None, None, 0.5, (WHOLE,)) == fitting[0]
+    else:
+        with pytest.raises(MissingResult):
+            reel.pack_films(None, None, 0.5, (WHOLE,))
