@@ -198,7 +198,9 @@ def test_features(runs, capsys, record, options):
         assert found == {"error": said.err.removesuffix("\n"), "exit_code": 2}
         return
     check_same(said.out, found)
-    for line, feature in zip(said.out.splitlines()[1:], found["features"].values(), strict=True):
+    first, _, *lines = said.out.splitlines()
+    assert first == f"# {found['record']}, {found['samples']} samples at {found['rate_Hz']:.6g} Hz"
+    for line, feature in zip(lines, found["features"].values(), strict=True):
         name, value, *_ = line.split()
         assert name == feature["name"] and value == ("nan" if feature["value"] is None else f"{feature['value']:.6g}")
 
