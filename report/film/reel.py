@@ -19,7 +19,7 @@ from report.missing import MissingResult
 QUANTUM_M = (2e-5, 5e-5)  # of positions, at most a fiftieth of a sub-sphere; finer where stones stay near
 CURVE_POINTS = 900  # about the pixels of a curve's width
 
-#: Of all films of a page, which then is no larger than 10 MB; what did not fit is named in the page.
+#: Of all films of a page, some half of it; what did not fit is named in the page.
 BUDGET_BYTES = 6_500_000
 
 
@@ -44,11 +44,18 @@ class Films:
 
 
 def pack_films(run: Run, network: Network, share: float, wanted: tuple[Series, ...]) -> str:
-    """Pack a run into its share of the budget, 0..1, with fewer pictures where they are too many. Raises one of
-    MISSING_RESULT.
+    """Pack a run into its share of the budget, 0..1, with fewer pictures where they are too many, and the first of the
+    `wanted` series alone where even few of all are. Raises one of MISSING_RESULT."""
+    room = share * BUDGET_BYTES
+    packed = _packed(run, network, room, wanted) or _packed(run, network, room, wanted[:1])
+    if not packed:
+        raise MissingResult("the page would be too large")
+    return packed
 
-    A few pictures are packed first, as that costs least; then twice as many, which take less than twice the room."""
-    packed, taken, room = "", 8, share * BUDGET_BYTES
+
+def _packed(run: Run, network: Network, room: float, wanted: tuple[Series, ...]) -> str:
+    """A few pictures are packed first, as that costs least; then twice as many, which take less than twice the room."""
+    packed, taken = "", 8
     for fewer in (8, 4, 2, 1):
         if packed and fewer > 1 and 2 * len(packed) * taken / fewer <= room:
             continue  # twice as many as these are sure to fit
@@ -56,8 +63,6 @@ def pack_films(run: Run, network: Network, share: float, wanted: tuple[Series, .
         if len(text) > room:
             break
         packed, taken = text, fewer
-    if not packed:
-        raise MissingResult("the page would be too large")
     return packed
 
 

@@ -166,3 +166,10 @@ def test_a_run_shows_as_many_pictures_as_its_room_has_place_for(monkeypatch, roo
     else:
         with pytest.raises(MissingResult):
             reel.pack_films(None, None, 0.5, (WHOLE,))
+
+
+def test_where_few_pictures_of_all_are_too_many_the_impact_is_shown_alone(monkeypatch):
+    monkeypatch.setattr(reel, "pack_run", lambda run, network, wanted: "x" * sum(series.most for series in wanted))
+    monkeypatch.setattr(reel, "BUDGET_BYTES", 30)
+    assert len(reel.pack_films(None, None, 1.0, (IMPACT, EARLY, WHOLE))) == IMPACT.most // 2
+    assert len(reel.pack_films(None, None, 1.0, (EARLY, WHOLE))) == WHOLE.most // 8 + EARLY.most // 8
