@@ -12,7 +12,7 @@ from analysis.sweep.breakage import Network
 from common.scene.plate import wall_box_m
 from report.drawing.lines import envelope
 from report.film.packing import LARGEST, OUTSIDE, pack, pack_moving, quantised
-from report.film.pictures import EARLY, IMPACT, WHOLE, Film, Series, choose, instants, read_film
+from report.film.pictures import EARLY, IMPACT, Film, Series, choose, instants, read_film
 from report.film.still import largest_force_s
 from report.missing import MissingResult
 
@@ -80,10 +80,9 @@ def pack_run(run: Run, network: Network, wanted: tuple[Series, ...]) -> str:
     found, peak_s = instants(run.path), largest_force_s(run)
     if IMPACT.until_s < peak_s < EARLY.until_s:  # of stones that come one after the other
         wanted = tuple(replace(s, until_s=peak_s + IMPACT.until_s) if s.key == IMPACT.key else s for s in wanted)
-    series = {s: choose(found, s) for s in wanted}
-    if found and IMPACT.until_s > found[-1].t_s:  # the whole run is no longer than its impact
-        series = {WHOLE: series[WHOLE]}
-    films = {s: read_film(chosen, network) for s, chosen in series.items() if len(chosen) > 1}
+    if found and IMPACT.until_s > found[-1].t_s:  # the whole run, wanted last, is no longer than its impact
+        wanted = wanted[-1:]
+    films = {s: read_film(chosen, network) for s in wanted if len(chosen := choose(found, s)) > 1}
     if not films:
         raise MissingResult("the run has fewer than two pictures")
     reach_m = max(float(np.nanmax(np.abs(film.centre_m))) for film in films.values())
