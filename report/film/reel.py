@@ -46,11 +46,10 @@ class Films:
 def pack_films(run: Run, network: Network, share: float, wanted: tuple[Series, ...]) -> str:
     """Pack a run into its share of the budget, 0..1, with fewer pictures where they are too many, and the first of the
     `wanted` series alone where even few of all are. Raises one of MISSING_RESULT."""
-    room = share * BUDGET_BYTES
-    packed = _packed(run, network, room, wanted) or _packed(run, network, room, wanted[:1])
-    if not packed:
-        raise MissingResult("the page would be too large")
-    return packed
+    for some in dict.fromkeys((wanted, wanted[:1])):
+        if packed := _packed(run, network, share * BUDGET_BYTES, some):
+            return packed
+    raise MissingResult("the page would be too large")
 
 
 def _packed(run: Run, network: Network, room: float, wanted: tuple[Series, ...]) -> str:

@@ -180,3 +180,8 @@ def test_where_few_pictures_of_all_are_too_many_the_impact_is_shown_alone(monkey
     monkeypatch.setattr(reel, "BUDGET_BYTES", 30)
     assert len(reel.pack_films(None, None, 1.0, (IMPACT, EARLY, WHOLE))) == IMPACT.most // 2
     assert len(reel.pack_films(None, None, 1.0, (EARLY, WHOLE))) == WHOLE.most // 8 + EARLY.most // 8
+    packed = []
+    monkeypatch.setattr(reel, "pack_run", lambda run, network, wanted: packed.append(wanted) or "x" * 31)
+    with pytest.raises(MissingResult):
+        reel.pack_films(None, None, 1.0, (WHOLE,))
+    assert len(packed) == 1  # a run that has one series is not packed again
