@@ -79,7 +79,7 @@ def test_the_example_of_a_material(tmp_path, monkeypatch):
     found = read_scene(tmp_path / "scene.toml")
     gangue = found.materials["gangue"]
     assert (gangue.youngs_modulus_Pa, gangue.density_kg_m3) == (15e9, 2500.0)
-    assert found.bond_of("gangue").friction_angle_deg == 35.0  # assumed, and said so
+    assert found.materials["gangue"].bond.friction_angle_deg == 35.0  # assumed, and said so
     assert found.materials["coal"] == read_scene(ROOT / "scenes" / "paper.toml").materials["coal"]
 
 

@@ -73,7 +73,7 @@ def test_a_table_of_the_same_way_is_merged_key_by_key(tmp_path):
 
 def test_a_material_by_its_name_is_that_of_its_file(tmp_path):
     bond = read_toml(SCENES / "materials" / "coal.toml")["bond"]
-    assert read_scene(SCENES / "paper.toml").bond_of("coal").model_dump(exclude_defaults=True) == bond
+    assert read_scene(SCENES / "paper.toml").materials["coal"].bond.model_dump(exclude_defaults=True) == bond
     text = (SCENES / "paper.toml").read_text()
     (tmp_path / "materials").mkdir()
     other = "density_kg_m3 = 1500.0\nyoungs_modulus_Pa = 4e9\npoisson_ratio = 0.25\n"
@@ -101,7 +101,7 @@ def test_materials_of_a_base_are_changed_key_by_key_or_replaced_as_a_whole(tmp_p
     assert over.materials["slate"] == paper.model_copy(update={"density_kg_m3": 2700.0})  # from beside the base
     hard = read_scene(written(tmp_path, 'base = "deep/scene.toml"\nname = "y"\nmaterials.coal = "hard_coal"\n'))
     assert hard.materials["coal"].contact_strength_Pa is None
-    assert hard.bond_of("coal").fracture_energy_J_m2 == 8.133
+    assert hard.materials["coal"].bond.fracture_energy_J_m2 == 8.133
 
 
 def test_changes_name_materials_and_shapes_as_a_scene_does(tmp_path):

@@ -201,23 +201,11 @@ class Scene(Table):
         keys = [contact_key(a, b) for a in names[0] for b in names[1]]
         return next((self.contacts[key] for key in keys if key in self.contacts), None)
 
-    def plate_contact(self, material: str) -> ContactTable:
-        """The contact of a material and the plate, which the checks above see is given."""
-        contact = self.contact_of(material, PLATE)
-        assert contact is not None
-        return contact
-
     def _material_keys(self) -> list[tuple[str, str]]:
         """Keys that name materials of stones, with the names."""
         if self.stones.each is not None:
             return [(f"stones.each.{k}.material", one.material) for k, one in enumerate(self.stones.each)]
         return [(f"materials.{kind}", kind) for kind in KINDS]
-
-    def bond_of(self, material: str) -> BondTable:
-        """The bonds of a material. Where stones are agglomerates, the checks above see that there are any."""
-        bond = self.materials[material].bond
-        assert bond is not None
-        return bond
 
     @property
     def falling_materials(self) -> list[str]:

@@ -22,12 +22,10 @@ from scipy.optimize import brentq
 
 from common import hertz
 from common.files.parquet import Columns
-from common.hertz import contact_modulus_Pa
 from common.scene.plate import Plate
-from common.scene.scene import ContactTable, MaterialTable, Scene
+from common.scene.scene import ContactTable, MaterialTable
 from dem.stones.assembly import Assembly
 from dem.stones.contact_patch import PATCH_RADIUS, FaceColumns
-from dem.stones.stone import Stone, material_of, pair_contact, plate_contact
 from plate_fem.stress import YIELD_PRESSURE, HertzContact
 
 OUTSIDE = 0.05  # of a stone's radius: more than its smooth surface lies outside its sub-spheres
@@ -57,7 +55,7 @@ def smooth_law(contact: ContactTable, first: MaterialTable, second: MaterialTabl
     bodies = (first, second)
     shear_compliance = sum(2 * (2 - b.poisson_ratio) * (1 + b.poisson_ratio) / b.youngs_modulus_Pa for b in bodies)
     limits = [limit for limit in (first.contact_strength_Pa, _strength_Pa(second)) if limit is not None]
-    return SmoothLaw(contact_modulus_Pa(first, second), 1 / shear_compliance, damping_ratio(contact.restitution),
+    return SmoothLaw(hertz.contact_modulus_Pa(first, second), 1 / shear_compliance, damping_ratio(contact.restitution),
                      elastic_damping_ratio(contact.restitution), contact.friction, min(limits, default=0.0))
 
 
@@ -67,7 +65,7 @@ def _strength_Pa(body: MaterialTable | Plate) -> float | None:
     return None if body.yield_stress_Pa is None else YIELD_PRESSURE * body.yield_stress_Pa
 
 
-def pair_laws(scene: Scene, assembly: Assembly) -> list[tuple[int | float, ...]]:
+def pair_laws(assembly: Assembly) -> list[tuple[int | float, ...]]:
     """Of each pair of types of stones in the deck the types and the numbers of SmoothLaw; none where no two stones can
     touch as smooth ones."""
     if not assembly.surfaces or len(assembly.sizes) < 2:
@@ -75,16 +73,15 @@ def pair_laws(scene: Scene, assembly: Assembly) -> list[tuple[int | float, ...]]
     found: list[tuple[int | float, ...]] = []
     types = list(enumerate(assembly.substances, start=1))
     for (i, first), (j, second) in combinations_with_replacement(types, 2):
-        contact = pair_contact(scene, first, second)
+        contact = first.contact_with(second)
         if contact is not None:
-            found.append((i, j, *smooth_law(contact, material_of(scene, first), material_of(scene, second))))
+            found.append((i, j, *smooth_law(contact, first.material, second.material)))
     return found
 
 
-def contact_rows(scene: Scene, assembly: Assembly) -> np.ndarray:
+def contact_rows(assembly: Assembly) -> np.ndarray:
     """(stones, 12) numbers of the engine's SmoothStone, from the radius on."""
-    laws = {one: smooth_law(plate_contact(scene, one), material_of(scene, one), scene.plate)
-            for one in assembly.substances}
+    laws = {one: smooth_law(one.plate_contact, one.material, one.plate) for one in assembly.substances}
     rows = []
     for surface, stone in zip(assembly.surfaces, assembly.stones, strict=True):
         radius = stone.radius_m
@@ -92,7 +89,7 @@ def contact_rows(scene: Scene, assembly: Assembly) -> np.ndarray:
     return np.array(rows, dtype=float)
 
 
-def write_surfaces(file: Path, scene: Scene, assembly: Assembly) -> None:
+def write_surfaces(file: Path, assembly: Assembly) -> None:
     """Write the file that dem/engine/smooth/stone_surface.h describes."""
     start, radius_m = np.cumsum([0, *assembly.sizes]), max(stone.radius_m for stone in assembly.stones)
     with open(file, "w") as out:
@@ -100,7 +97,7 @@ def write_surfaces(file: Path, scene: Scene, assembly: Assembly) -> None:
         if assembly.is_stream:  # each stone brings its own
             out.write(f"stream {PATCH_RADIUS**2 * radius_m / 2!r}\n")
             return
-        for k, (surface, numbers) in enumerate(zip(assembly.surfaces, contact_rows(scene, assembly), strict=True)):
+        for k, (surface, numbers) in enumerate(zip(assembly.surfaces, contact_rows(assembly), strict=True)):
             here = slice(start[k], start[k + 1])
             out.write(" ".join([str(assembly.sizes[k]), *(f"{number:.17g}" for number in numbers)]) + "\n")
             rows = [surface.place_m, assembly.radius_m[here], assembly.mass_kg[here], surface.is_surface]
@@ -114,36 +111,36 @@ def column_stiffness_N_m(columns: FaceColumns, stone_modulus_Pa: float, plate_mo
     return np.asarray(columns.area_m2 / (stone + plate))
 
 
-def stone_columns_N_m(scene: Scene, assembly: Assembly, stone: int) -> np.ndarray:
+def stone_columns_N_m(assembly: Assembly, stone: int) -> np.ndarray:
     """(k,) stiffness of the columns of one stone; none where it has no faces."""
     columns = assembly.faces[stone] if assembly.faces else None
     if columns is None:
         return np.zeros(0)
-    plate_modulus = scene.plate.youngs_modulus_Pa / (1 - scene.plate.poisson_ratio**2)
-    modulus = material_of(scene, assembly.stones[stone].substance).youngs_modulus_Pa
-    return column_stiffness_N_m(columns, modulus, plate_modulus)
+    substance = assembly.stones[stone].substance
+    plate_modulus = substance.plate.youngs_modulus_Pa / (1 - substance.plate.poisson_ratio**2)
+    return column_stiffness_N_m(columns, substance.material.youngs_modulus_Pa, plate_modulus)
 
 
-def stiffest_face_N_m(scene: Scene, assembly: Assembly) -> float:
+def stiffest_face_N_m(assembly: Assembly) -> float:
     """All columns of one face together, the stiffest of all stones; 0 where there are no faces."""
     stiffest = 0.0
     for k, columns in enumerate(assembly.faces):
         if columns is not None and len(columns.sub_sphere):
             _, face = np.unique(np.round(columns.normal, 6), axis=0, return_inverse=True)
-            stiffest = max(stiffest, float(np.bincount(face.ravel(), stone_columns_N_m(scene, assembly, k)).max()))
+            stiffest = max(stiffest, float(np.bincount(face.ravel(), stone_columns_N_m(assembly, k)).max()))
     return stiffest
 
 
-def face_rows(scene: Scene, assembly: Assembly, stone: int, first: int) -> np.ndarray:
+def face_rows(assembly: Assembly, stone: int, first: int) -> np.ndarray:
     """(k, 7) rows of dem/engine/contact/face_columns.h; `first`: number, from 0, of the stone's first sub-sphere."""
     columns = assembly.faces[stone]
     if columns is None:
         return np.zeros((0, NUMBERS))
     return np.column_stack([first + columns.sub_sphere + 1, columns.normal, columns.height_m,
-                            stone_columns_N_m(scene, assembly, stone), columns.area_m2])
+                            stone_columns_N_m(assembly, stone), columns.area_m2])
 
 
-def write_faces(file: Path, scene: Scene, assembly: Assembly) -> None:
+def write_faces(file: Path, assembly: Assembly) -> None:
     """Write the file that dem/engine/contact/face_columns.h describes."""
     start = np.cumsum([0, *assembly.sizes])
     outside = max(float((c.height_m - assembly.radius_m[start[k] + c.sub_sphere]).max(initial=0.0))
@@ -154,7 +151,7 @@ def write_faces(file: Path, scene: Scene, assembly: Assembly) -> None:
             out.write("stream\n")
             return
         for k in range(len(assembly.faces)):
-            np.savetxt(out, face_rows(scene, assembly, k, start[k]), fmt=["%d"] + ["%.17g"] * (NUMBERS - 1))
+            np.savetxt(out, face_rows(assembly, k, start[k]), fmt=["%d"] + ["%.17g"] * (NUMBERS - 1))
 
 
 def elastic_damping_ratio(restitution: float) -> float:
@@ -184,17 +181,12 @@ def damping_ratio(restitution: float) -> float:
     return float(brentq(lambda ratio: restitution_of(ratio) - restitution, 0, MOST_DAMPING, xtol=PRECISION))
 
 
-def modulus_on_plate_Pa(scene: Scene, stone: Stone) -> float:
-    """E* of a stone on the plate."""
-    return hertz.contact_modulus_Pa(material_of(scene, stone.substance), scene.plate)
-
-
-def pressure_bound_Pa(scene: Scene, assembly: Assembly) -> float:
+def pressure_bound_Pa(assembly: Assembly) -> float:
     """Largest peak pressure that an elastic contact could reach: all the energy of a stone in the normal contact of its
     smallest sub-sphere, 8/15 E* sqrt(r) d^(5/2)."""
     pressure, mass, start = 0.0, assembly.stone_mass_kg, np.cumsum([0, *assembly.sizes])
     for k, stone in enumerate(assembly.stones):
-        modulus = modulus_on_plate_Pa(scene, stone)
+        modulus = stone.substance.modulus_on_plate_Pa
         radius = assembly.radius_m[start[k]:start[k + 1]].min()
         speed2 = stone.speed_m_s**2 - 2 * assembly.gravity_m_s2[2] * stone.gap_m
         energy = 0.5 * mass[k] * speed2
@@ -203,30 +195,29 @@ def pressure_bound_Pa(scene: Scene, assembly: Assembly) -> float:
     return pressure
 
 
-def yield_pressure_Pa(scene: Scene, assembly: Assembly) -> float | None:
+def yield_pressure_Pa(plate: Plate, assembly: Assembly) -> float | None:
     """Pressure at which the wall gives way, or None where the scene gives no yield stress or cannot reach it."""
-    if scene.plate.yield_stress_Pa is None:
+    if plate.yield_stress_Pa is None:
         return None
-    pressure = YIELD_PRESSURE * scene.plate.yield_stress_Pa
-    return pressure if pressure_bound_Pa(scene, assembly) > pressure else None
+    pressure = YIELD_PRESSURE * plate.yield_stress_Pa
+    return pressure if pressure_bound_Pa(assembly) > pressure else None
 
 
-def yield_report(scene: Scene, assembly: Assembly, peak_force_N: np.ndarray, deepest: np.ndarray,
+def yield_report(plate: Plate, assembly: Assembly, peak_force_N: np.ndarray, deepest: np.ndarray,
                  bending: dict[str, dict[str, float]]) -> dict[str, Any]:
     """What run.json says of yield.
 
     peak_force_N (stones,): of each alone. deepest (stones,): largest depth of a contact over the radius of its
     sub-sphere. bending: "bending" and "bending_at_rods" of plate_fem.stress.StressPeak, empty for a rigid plate.
     """
-
-    modulus = np.array([modulus_on_plate_Pa(scene, stone) for stone in assembly.stones])
+    modulus = np.array([stone.substance.modulus_on_plate_Pa for stone in assembly.stones])
     pressure = hertz.peak_pressure_Pa(modulus, deepest)
-    limit = yield_pressure_Pa(scene, assembly)
+    limit = yield_pressure_Pa(plate, assembly)
     if limit is not None:
         pressure = np.minimum(pressure, limit)
     smooth = [HertzContact(0.0, 0.0, float(force), stone.radius_m, float(e)).peak_pressure_Pa
               for force, stone, e in zip(peak_force_N, assembly.stones, modulus)]
-    report: dict[str, Any] = {"yield_stress_Pa": scene.plate.yield_stress_Pa,
+    report: dict[str, Any] = {"yield_stress_Pa": plate.yield_stress_Pa,
               "contact_law": "Hertz" if limit is None else "elastic, perfectly plastic (Thornton 1997)",
               "contact_pressure_Pa": pressure.tolist(), "smooth_stone_pressure_Pa": smooth}
     report |= bending

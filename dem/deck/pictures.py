@@ -58,7 +58,7 @@ def picture_schedule(scene: Scene, assembly: Assembly, step: TimeStep) -> Pictur
     rows = min(IMPACT_INTERVAL_s / (step.fast_steps * step.dt_s), step.steps // step.fast_steps + 1)
     impact_every = step.fast_steps * max(1, round(rows))
     arrivals = arrival_s(assembly) / step.dt_s
-    lasts = IMPACT_CONTACT_TIMES * stone_contact_time_s(scene, assembly) / (impact_every * step.dt_s)
+    lasts = IMPACT_CONTACT_TIMES * stone_contact_time_s(assembly) / (impact_every * step.dt_s)
     pictures = min(math.ceil(lasts), IMPACT_PICTURES)
     return PictureSchedule(every, impact_every, _impacts(arrivals, impact_every, pictures, step.steps))
 

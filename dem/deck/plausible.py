@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from common import hertz
 from common.scene.plate import FlexiblePlate, PlateTable
 from common.scene.scene import Scene
 from common.scene.stones import KINDS
-from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly, density_kg_m3
+from dem.deck.time_step import Body
+from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
 from dem.stones.bonds import CRACK_AREA
-from dem.stones.stone import Stone
+from dem.stones.stone import Stone, substances_of
 from plate_fem.elements import mesh, system
 from plate_fem.elements.rods import joint_range
 from plate_fem.motion import RecordedMotion
@@ -46,16 +46,14 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
         lines.append(f"stones: a radius of {radius:g} m; the plate's shorter side is {side_m:g} m")
     lines += [f"materials.{name}: no stone is of it; only stones.each names other materials than coal and gangue"
               for name in sorted(set(scene.materials) - set(scene.falling_materials) - set(KINDS))]
-    for name in scene.falling_materials:
-        material = scene.materials[name]
-        table = f"materials.{name}"
+    for name, substance in substances_of(scene).items():
+        material, table = substance.material, f"materials.{name}"
         strain = speed / float(np.sqrt(material.youngs_modulus_Pa / material.density_kg_m3))
         if stones.agglomerate is not None and strain > LARGEST_STRAIN:
             lines.append(f"stones.speed_m_s = {fastest:g}: strains {name} by about {strain:.2g}, the speed "
                          f"over that of sound in it; the bonds' law is for small strains, to {LARGEST_STRAIN:g}")
-        stiffness = hertz.stiffness_N_m32(hertz.contact_modulus_Pa(material, scene.plate), radius)
         mass = material.density_kg_m3 * 4 / 3 * np.pi * radius**3
-        approach = float(hertz.largest_approach_m(stiffness, mass, np.float64(speed))) / radius
+        approach = Body(substance.modulus_on_plate_Pa, 1.0, mass, radius, speed).depth_m / radius
         if approach > LARGEST_APPROACH:
             lines.append(f"stones.speed_m_s = {fastest:g}: presses a stone of {name} by {approach:.2g} of "
                          f"its radius; Hertz' contact is for little, to {LARGEST_APPROACH:g}")
@@ -64,9 +62,8 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
                          "contact = 'smooth' alone; these stones stay elastic")
         weight_Pa = 2 * material.density_kg_m3 * GRAVITY_m_s2 * radius
         if stones.agglomerate is not None and not stones.agglomerate.unbreakable:
-            bond = scene.bond_of(name)
-            strength = bond.tensile_strength_Pa
-            if strength > IDEAL_STRENGTH * bond.youngs_modulus_Pa:
+            strength = substance.bond.tensile_strength_Pa
+            if strength > IDEAL_STRENGTH * substance.bond.youngs_modulus_Pa:
                 lines.append(f"{table}.bond.tensile_strength_Pa = {strength:g}: above {IDEAL_STRENGTH:g} of the bonds' "
                              "Young's modulus, more than a solid without flaws has")
             if strength < weight_Pa:
@@ -151,13 +148,13 @@ def breakage_scales(scene: Scene, assembly: Assembly) -> dict[str, list[float | 
     mean_m = np.bincount(assembly.agglomerate, assembly.radius_m) / assembly.sizes / CONTACT_RADIUS_RATIO
     sizes, speeds = list[float | None](), list[float | None]()
     for stone, radius_m in zip(assembly.stones, mean_m, strict=True):
-        bond, table = scene.materials[stone.material].bond, scene.stones.agglomerate
+        bond, table = stone.substance.material.bond, scene.stones.agglomerate
         if table is None or table.unbreakable or bond is None or bond.fracture_energy_J_m2 is None:
             sizes.append(None)
             speeds.append(None)
             continue
         crack = CRACK_AREA * bond.fracture_energy_J_m2 * stone.strength_factor**2
-        strength, density = bond.tensile_strength_Pa * stone.strength_factor, density_kg_m3(scene, stone)
+        strength, density = bond.tensile_strength_Pa * stone.strength_factor, stone.density_kg_m3
         speed = max(-stone.velocity_m_s[2], np.sqrt(2 * -assembly.gravity_m_s2[2] * stone.gap_m), 1e-3)
         size_m = (24 * crack / (density * (speed / stone.radius_m) ** 2)) ** (1 / 3)
         critical = CRITICAL_SPEED * np.sqrt(strength / density) * (crack / (strength * stone.radius_m)) ** 0.2
@@ -192,11 +189,11 @@ def _unlikely(scene: Scene) -> list[str]:
     solids: dict[str, Any] = {"plate": scene.plate}
     if isinstance(scene.plate, FlexiblePlate):
         solids |= {f"plate.rods.{number}": rod for number, rod in enumerate(scene.plate.rods)}
-    solids |= {f"materials.{name}": scene.materials[name] for name in scene.falling_materials}
+    materials = {f"materials.{name}": scene.materials[name] for name in scene.falling_materials}
+    solids |= materials
     moduli_Pa = {table: one.youngs_modulus_Pa for table, one in solids.items()}
     if scene.stones.agglomerate is not None:
-        moduli_Pa |= {f"materials.{name}.bond": scene.bond_of(name).youngs_modulus_Pa
-                      for name in scene.falling_materials}
+        moduli_Pa |= {f"{table}.bond": one.bond.youngs_modulus_Pa for table, one in materials.items() if one.bond}
     above = [("time.gravity_m_s2", scene.time.gravity_m_s2, JUPITER_m_s2, "that of Jupiter"),
              *((f"{table}.youngs_modulus_Pa", modulus_Pa, DIAMOND_Pa, "that of diamond, the stiffest material")
                for table, modulus_Pa in moduli_Pa.items()),

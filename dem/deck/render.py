@@ -30,19 +30,19 @@ from dem.deck.contact import (
 from dem.deck.pictures import picture_schedule
 from dem.deck.time_step import TimeStep, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
-from dem.stones.stone import Entry, Substance, bond_of, material_of, pair_contact, plate_contact
+from dem.stones.stone import Entry, Substance
 from plate_fem.elements.mesh import nodes
 from plate_fem.modes import PlateModes
 
 INDEX_NUMBERS = 6 + 3  # of a stone: whole numbers, spin
 
 
-def write_stones(file: Path, scene: Scene, assembly: Assembly, step: TimeStep) -> None:
+def write_stones(file: Path, assembly: Assembly, step: TimeStep) -> None:
     """Write all stones, each as it is at its step of entry."""
     atoms, bonds = np.hstack([atom_rows(assembly), assembly.start_motion()[0]]), bond_rows(assembly)
     atom_start = np.cumsum([0, *assembly.sizes])
     bond_start = np.searchsorted(assembly.bond_first, atom_start)
-    contact = contact_rows(scene, assembly) if assembly.surfaces else None
+    contact = contact_rows(assembly) if assembly.surfaces else None
     index, parts = [], []
     at = 8 * (3 + len(assembly.substances) + INDEX_NUMBERS * len(assembly.stones))
     for k, (stone, entry) in enumerate(zip(assembly.stones, assembly.entries, strict=True)):
@@ -56,7 +56,7 @@ def write_stones(file: Path, scene: Scene, assembly: Assembly, step: TimeStep) -
             surface = assembly.surfaces[k]
             part += [contact[k], np.column_stack([surface.place_m, assembly.radius_m[here], assembly.mass_kg[here],
                                                   surface.is_surface])]
-        faces = face_rows(scene, assembly, k, atom_start[k]) if assembly.faces else np.zeros((0, FACE_NUMBERS))
+        faces = face_rows(assembly, k, atom_start[k]) if assembly.faces else np.zeros((0, FACE_NUMBERS))
         part.append(faces)
         parts += part
         index.append(np.concatenate([np.array([entry_step, at, len(own), held.stop - held.start, contact is not None,
@@ -106,17 +106,17 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
         "deck.liggghts": lambda file: file.write_text(render(scene, assembly, step)),
         "agglomerates.txt": lambda file: np.savetxt(file, assembly.sizes, fmt="%d")}
     if assembly.is_stream:
-        writers["stones.bin"] = lambda file: write_stones(file, scene, assembly, step)
+        writers["stones.bin"] = lambda file: write_stones(file, assembly, step)
     else:
         writers["atoms.data"] = lambda file: _write_atoms(file, scene, assembly)
         if assembly.n_bonds:
             writers["bonds.txt"] = lambda file: np.savetxt(file, bond_rows(assembly), fmt=["%d"] * 3 + ["%.17g"] * 5)
     if assembly.surfaces:
-        writers["surface.txt"] = lambda file: write_surfaces(file, scene, assembly)
+        writers["surface.txt"] = lambda file: write_surfaces(file, assembly)
     if assembly.faces:
-        writers["faces.txt"] = lambda file: write_faces(file, scene, assembly)
+        writers["faces.txt"] = lambda file: write_faces(file, assembly)
     if modes is not None:
-        drags = any(scene.plate_contact(one.material).friction for one in assembly.substances)
+        drags = any(one.plate_contact.friction for one in assembly.substances)
         writers["shapes.bin"] = lambda file: _write_shapes(file, modes, drags)
     for name, write in writers.items():
         with named(directory / name):
@@ -139,7 +139,7 @@ def template(name: str) -> jinja2.Template:
 def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     types: list[Substance | str] = [*assembly.substances, PLATE]
     stones_meet = _stones_meet(scene, assembly)
-    contacts = [_contact(scene, a, b, stones_meet) for a in types for b in types]
+    contacts = [_contact(a, b, stones_meet) for a in types for b in types]
     friction = [c.friction if c else 0.0 for c in contacts]
     tangential = " tangential history" if any(friction) else ""
     half = [side / 2 for side in scene.plate.size_m]
@@ -148,9 +148,9 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     return template("deck.liggghts.j2").render(
         name=scene.name,
         stones=_describe(scene, assembly),
-        yield_pressure_Pa=yield_pressure_Pa(scene, assembly),
+        yield_pressure_Pa=yield_pressure_Pa(scene.plate, assembly),
         coupling=isinstance(scene.plate, FlexiblePlate),
-        materials=[{"name": one.material, **material_of(scene, one).model_dump()} for one in assembly.substances],
+        materials=[{"name": one.name, **one.material.model_dump()} for one in assembly.substances],
         plate_material=scene.plate.model_dump(),
         walls=deck_walls(scene),
         # A pair that cannot meet in this scene still needs a number; elastic is what does least.
@@ -175,7 +175,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
         steps=step.steps,
         surface=bool(assembly.surfaces),
         faces=bool(assembly.faces),
-        pair_laws=pair_laws(scene, assembly),
+        pair_laws=pair_laws(assembly),
         extent_m=[-half[0], half[0], -half[1], half[1]],
         velocity_m_s=_common_velocity(assembly),
         impact_J=0.0 if assembly.is_stream else _impact_J(assembly),  # those of a stream bring theirs
@@ -218,12 +218,12 @@ def _impact_J(assembly: Assembly) -> float:
     return float(assembly.kinetic_start_J.sum())
 
 
-def _contact(scene: Scene, first: Substance | str, second: Substance | str, stones_meet: bool) -> ContactTable | None:
+def _contact(first: Substance | str, second: Substance | str, stones_meet: bool) -> ContactTable | None:
     """The contact of two types of the deck, which are substances and the plate; None where they cannot meet."""
     stones = [one for one in (first, second) if isinstance(one, Substance)]
     if len(stones) == 2:
-        return pair_contact(scene, *stones) if stones_meet else None
-    return plate_contact(scene, stones[0]) if stones else None
+        return stones[0].contact_with(stones[1]) if stones_meet else None
+    return stones[0].plate_contact if stones else None
 
 
 def _stones_meet(scene: Scene, assembly: Assembly) -> bool:
@@ -263,7 +263,7 @@ def _bonds(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, Any]:
     table = scene.agglomerate
     materials = []
     for substance in assembly.substances:
-        bond = bond_of(scene, substance)
+        bond = substance.bond
         values = bond.model_dump()
         if table.unbreakable:
             values |= {"tensile_strength_Pa": UNBREAKABLE_Pa, "shear_strength_Pa": UNBREAKABLE_Pa,

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from common.scene.scene import Scene
 from common.tables import InputError
 from dem.deck.contact import damping_ratio, elastic_damping_ratio, stiffest_face_N_m, stone_columns_N_m
 from dem.stones.assembly import Assembly
-from dem.stones.stone import Stone, Substance, bond_of, impact_speed_m_s, material_of, places_m, plate_contact
+from dem.stones.stone import Stone, impact_speed_m_s, places_m, substances_of
 from plate_fem.modes import PlateModes
 
 BOND_FRACTION = 0.3      # of t0 = min sqrt(m r0/(E A)), if `bond_fraction` allows it
@@ -83,22 +83,22 @@ class StepLimits:
 
 def step_limits(scene: Scene, assembly: Assembly, file: str) -> StepLimits:
     """Find what limits the time step without the plate's motion. Raises InputError for what can be refused by that."""
-    bond_time = bond_time_s(scene, assembly)
-    contact = subsphere_contact_time_s(scene, assembly)
-    stone_contact = stone_contact_time_s(scene, assembly)
-    limits = {"rayleigh": RAYLEIGH_FRACTION * rayleigh_time_s(scene, assembly),
+    bond_time = bond_time_s(assembly)
+    contact = subsphere_contact_time_s(assembly)
+    stone_contact = stone_contact_time_s(assembly)
+    limits = {"rayleigh": RAYLEIGH_FRACTION * rayleigh_time_s(assembly),
               "plate_contact": contact / CONTACT_STEPS}
     if bond_time is not None:
-        least = min(bond_of(scene, one).stiffness_ratio for one in assembly.substances)
+        least = min(one.bond.stiffness_ratio for one in assembly.substances)
         limits["bond"] = bond_fraction(scene.agglomerate.damping_ratio, least) * bond_time
         del limits["plate_contact"]  # the bonds carry the contact of an agglomerate
         if assembly.faces:
-            limits["faces"] = face_fraction(scene, assembly, least, bond_time) * bond_time
+            limits["faces"] = face_fraction(assembly, scene.agglomerate.damping_ratio, least, bond_time) * bond_time
     if scene.tolerance is not None:
         setting, unit = ("contact", stone_contact) if bond_time is None else ("time_step", bond_time)
         limits["tolerance"] = setting_for(setting, scene.tolerance) * unit
     _counted_steps(scene, _largest_step_s(scene, limits, file), scene.time.co_step or 1, file)
-    return StepLimits(limits, assembly.stones, bond_time, contact, stone_contact, stiffest_face_N_m(scene, assembly))
+    return StepLimits(limits, assembly.stones, bond_time, contact, stone_contact, stiffest_face_N_m(assembly))
 
 
 def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float | None = None) -> TimeStep:
@@ -199,14 +199,14 @@ def weak_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> WeakContac
     if not limits or not assembly.n_bonds or scene.time.co_step is not None:
         return None
     co_steps = int(min(limits) * WEAK_FORCE_SHARE ** (-1 / 6) / (step.co_step * step.dt_s))
-    peak_N = min(_peak_force_N(scene, body) for body in bodies_of(assembly))
+    peak_N = min(body.peak_force_N for body in bodies_of(assembly))
     return WeakContact(WEAK_FORCE_SHARE * peak_N, WEAK_SPEED_SHARE * assembly.impact_speed_m_s,
                         min(max(1, co_steps), MOST_CO_STEPS), MOST_CO_STEPS)
 
 
 def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float]:
     """The numerical settings of a run by their names in common/scene/error_laws.py, with the plate's frequency."""
-    contact = stone_contact_time_s(scene, assembly)
+    contact = stone_contact_time_s(assembly)
     settings = ({"contact": step.dt_s / contact} if step.bond_time_s is None else
                 {"time_step": step.dt_s / step.bond_time_s})
     if isinstance(scene.plate, FlexiblePlate) and scene.plate.max_frequency_Hz is not None:
@@ -215,12 +215,11 @@ def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[
     return settings
 
 
-def bond_time_s(scene: Scene, assembly: Assembly) -> float | None:
+def bond_time_s(assembly: Assembly) -> float | None:
     """t0 = min over bonds of sqrt(m r0/(E A)), m the lighter end; None without bonds."""
     if assembly.n_bonds == 0:
         return None
-    modulus = np.array([bond_of(scene, one).youngs_modulus_Pa for one in assembly.substances])
-    modulus = modulus[assembly.bond_substance]
+    modulus = np.array([one.bond.youngs_modulus_Pa for one in assembly.substances])[assembly.bond_substance]
     mass = np.minimum(assembly.mass_kg[assembly.bond_first], assembly.mass_kg[assembly.bond_second])
     length = np.linalg.norm(assembly.bond_vector_m, axis=1)
     return float(np.sqrt(mass * length / (modulus * np.pi * assembly.bond_radius_m**2)).min())
@@ -246,23 +245,22 @@ def _damped_limit(damping_ratio: float, undamped: float) -> float:
     return float(np.hypot(2 * damping_ratio, undamped) - 2 * damping_ratio)
 
 
-def face_fraction(scene: Scene, assembly: Assembly, stiffness_ratio: float, bond_time_s: float) -> float:
+def face_fraction(assembly: Assembly, damping_ratio: float, stiffness_ratio: float, bond_time_s: float) -> float:
     """As `bond_fraction` where columns behind faces press: the highest w^2 grows by no more than the largest k/m of a
     column and its sub-sphere (Weyl's inequality)."""
     start = np.cumsum([0, *assembly.sizes])
     grows = max(
-        (stone_columns_N_m(scene, assembly, k) / assembly.mass_kg[start[k] + columns.sub_sphere]).max(initial=0.0)
+        (stone_columns_N_m(assembly, k) / assembly.mass_kg[start[k] + columns.sub_sphere]).max(initial=0.0)
         for k, columns in enumerate(assembly.faces) if columns is not None)
     undamped = 2 / np.hypot(2 / undamped_limit(stiffness_ratio), np.sqrt(grows) * bond_time_s)
-    return DAMPED_SHARE * _damped_limit(scene.agglomerate.damping_ratio, float(undamped))
+    return DAMPED_SHARE * _damped_limit(damping_ratio, float(undamped))
 
 
-def rayleigh_time_s(scene: Scene, assembly: Assembly) -> float:
+def rayleigh_time_s(assembly: Assembly) -> float:
     """pi R sqrt(rho/G)/(0.1631 nu + 0.8766), the least of all sub-spheres (Thornton and Randall 1988)."""
     times = []
     for k, substance in enumerate(assembly.substances):
-        here = assembly.substance == k
-        m = material_of(scene, substance)
+        here, m = assembly.substance == k, substance.material
         shear_modulus = m.youngs_modulus_Pa / (2 * (1 + m.poisson_ratio))
         density = assembly.mass_kg[here] / (4 / 3 * np.pi * assembly.radius_m[here] ** 3)
         times.append((np.pi * assembly.radius_m[here] * np.sqrt(density / shear_modulus)
@@ -270,74 +268,70 @@ def rayleigh_time_s(scene: Scene, assembly: Assembly) -> float:
     return float(min(times))
 
 
-def subsphere_contact_time_s(scene: Scene, assembly: Assembly) -> float:
+def subsphere_contact_time_s(assembly: Assembly) -> float:
     """Duration of the shortest Hertz contact of a sub-sphere with the plate."""
-    times = []
+    speed, times = assembly.impact_speed_m_s, []
     for k, substance in enumerate(assembly.substances):
         here = assembly.substance == k
-        times.append(_hertz_time_s(scene, substance, assembly.radius_m[here], assembly.mass_kg[here],
-                                   assembly.impact_speed_m_s).min())
+        stiffness = hertz.stiffness_N_m32(substance.modulus_on_plate_Pa, assembly.radius_m[here])
+        depth = hertz.largest_approach_m(stiffness, assembly.mass_kg[here], speed)
+        times.append(hertz.contact_time_s(depth, speed).min())
     return float(min(times))
 
 
-def stone_contact_time_s(scene: Scene, assembly: Assembly) -> float:
+def stone_contact_time_s(assembly: Assembly) -> float:
     """Duration of the shortest Hertz contact of a whole stone with the plate."""
-    return min(_body_time_s(scene, body) for body in bodies_of(assembly))
+    return min(body.contact_time_s for body in bodies_of(assembly))
 
 
 def contact_time_of_any_s(scene: Scene, stones: Sequence[Stone]) -> float:
     """As `stone_contact_time_s`, were each stone of any material of the scene: the ratios of a sweep have one plate."""
-    bodies = {body_of(stone, scene.gravity_vector_m_s2) for stone in stones}
-    return min(_body_time_s(scene, replace(body, substance=replace(body.substance, material=name)))
-               for body in bodies for name in scene.falling_materials)
+    bodies = {body_of(one, impact_speed_m_s(one, scene.gravity_vector_m_s2)) for one in _of_any(scene, stones)}
+    return min(body.contact_time_s for body in bodies)
+
+
+def _of_any(scene: Scene, stones: Sequence[Stone]) -> list[Stone]:
+    """Each stone of each material of the scene."""
+    return [stone.made_of(one) for one in substances_of(scene).values() for stone in stones]
 
 
 @dataclass(frozen=True)
 class Body:
-    """What the contact of a whole stone with the plate goes by."""
+    """A whole stone that hits the rigid plate as one Hertz sphere."""
 
-    substance: Substance
-    density_factor: float
+    modulus_Pa: float  # E*
+    restitution: float
+    mass_kg: float
     radius_m: float
     speed_m_s: float
+
+    @cached_property
+    def stiffness_N_m32(self) -> np.float64:
+        return np.float64(hertz.stiffness_N_m32(self.modulus_Pa, self.radius_m))
+
+    @cached_property
+    def depth_m(self) -> np.float64:
+        """The largest approach."""
+        return np.float64(hertz.largest_approach_m(self.stiffness_N_m32, self.mass_kg, self.speed_m_s))
+
+    @property
+    def contact_time_s(self) -> float:
+        return float(hertz.contact_time_s(self.depth_m, self.speed_m_s))
+
+    @property
+    def peak_force_N(self) -> float:
+        return float(self.stiffness_N_m32 * self.depth_m**1.5)
 
 
 def bodies_of(assembly: Assembly) -> set[Body]:
     """The stones as far as they differ in contact with the plate."""
-    return {body_of(stone, assembly.gravity_m_s2) for stone in assembly.stones}
+    return {body_of(stone, impact_speed_m_s(stone, assembly.gravity_m_s2)) for stone in assembly.stones}
 
 
-def body_of(stone: Stone, gravity_m_s2: Sequence[float]) -> Body:
+def body_of(stone: Stone, speed_m_s: float) -> Body:
     """A stone as it hits the plate."""
-    return Body(stone.substance, stone.density_factor, stone.radius_m, impact_speed_m_s(stone, gravity_m_s2))
-
-
-def _hertz(scene: Scene, substance: Substance, radius_m: float | np.ndarray, mass_kg: float | np.ndarray,
-           speed_m_s: float) -> tuple[Any, Any]:
-    """Stiffness in N/m^(3/2) and largest approach in m of a sphere that hits the rigid plate."""
-    modulus = hertz.contact_modulus_Pa(material_of(scene, substance), scene.plate)
-    stiffness = hertz.stiffness_N_m32(modulus, radius_m)
-    return stiffness, hertz.largest_approach_m(stiffness, mass_kg, speed_m_s)
-
-
-def _body_mass_kg(scene: Scene, body: Body) -> float:
-    density = scene.materials[body.substance.material].density_kg_m3 * body.density_factor
-    return density * 4 / 3 * np.pi * body.radius_m**3
-
-
-def _hertz_time_s(scene: Scene, substance: Substance, radius_m: float | np.ndarray, mass_kg: float | np.ndarray,
-                  speed_m_s: float) -> Any:
-    return hertz.contact_time_s(_hertz(scene, substance, radius_m, mass_kg, speed_m_s)[1], speed_m_s)
-
-
-def _body_time_s(scene: Scene, body: Body) -> float:
-    return float(_hertz_time_s(scene, body.substance, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s))
-
-
-def _peak_force_N(scene: Scene, body: Body) -> float:
-    """Of a whole stone on the rigid plate."""
-    stiffness, depth = _hertz(scene, body.substance, body.radius_m, _body_mass_kg(scene, body), body.speed_m_s)
-    return float(stiffness * depth**1.5)
+    return Body(stone.substance.modulus_on_plate_Pa, stone.substance.plate_contact.restitution, stone.mass_kg,
+                stone.radius_m, speed_m_s)
 
 
 def coupling_limits_s(scene: Scene, stones: Sequence[Stone], mobility_1_kg: float) -> dict[str, float]:
@@ -345,15 +339,10 @@ def coupling_limits_s(scene: Scene, stones: Sequence[Stone], mobility_1_kg: floa
     largest approach, which is stiffer than the agglomerate. Each could be of any material of the scene, so that the
     ratios of a sweep have one co-step."""
     limits = {"coupling_stiffness": np.inf, "coupling_dashpot": np.inf}
-    bodies = {Body(replace(stone.substance, material=name), stone.density_factor, stone.radius_m,
-                   max(stone.speed_m_s, 1e-3)) for stone in stones for name in {*scene.falling_materials}}
-    for body in bodies:
-        mass = _body_mass_kg(scene, body)
-        contact, depth = _hertz(scene, body.substance, body.radius_m, mass, body.speed_m_s)
-        stiffness = 1.5 * contact * np.sqrt(depth)
-        restitution = plate_contact(scene, body.substance).restitution
-        ratio = damping_ratio(restitution) if scene.has_smooth_contact else elastic_damping_ratio(restitution)
-        dashpot = 2 * np.sqrt(5 / 6) * ratio * np.sqrt(4 / 3 * stiffness * mass)
+    for body in {body_of(one, max(one.speed_m_s, 1e-3)) for one in _of_any(scene, stones)}:
+        stiffness = 1.5 * body.stiffness_N_m32 * np.sqrt(body.depth_m)
+        ratio = (damping_ratio if scene.has_smooth_contact else elastic_damping_ratio)(body.restitution)
+        dashpot = 2 * np.sqrt(5 / 6) * ratio * np.sqrt(4 / 3 * stiffness * body.mass_kg)
         limits["coupling_stiffness"] = min(limits["coupling_stiffness"],
                                            STIFFNESS_SHARE / np.sqrt(stiffness * mobility_1_kg))
         if dashpot > 0:

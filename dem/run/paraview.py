@@ -21,7 +21,6 @@ from common.files.whole import named
 from common.resources import resource
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
-from dem.deck.contact import modulus_on_plate_Pa
 from dem.deck.time_step import TimeStep, weak_contact
 from dem.run.prepare import PreparedRun
 from dem.stones.assembly import Assembly
@@ -294,7 +293,7 @@ def shown_contacts(rows: np.ndarray, scene: Scene, assembly: Assembly, step: Tim
     """The contacts of a picture, given as `read_pictures` does, without those so weak that a stone's own push is a
     thousand times theirs (dem.deck.time_step.weak_contact): chips that lie on the plate."""
     weak = weak_contact(scene, assembly, step)
-    modulus = [modulus_on_plate_Pa(scene, stone) for stone in assembly.stones]
+    modulus = [stone.substance.modulus_on_plate_Pa for stone in assembly.stones]
     return [HertzContact(x, y, force, radius, modulus[int(stone) - 1]) for stone, x, y, force, radius in rows
             if weak is None or force > weak.force_N]
 

@@ -127,7 +127,7 @@ def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool =
     modes, mobility = None, None
     if isinstance(resolved.plate, FlexiblePlate):
         with stages("modes"):
-            left_out = energy_left_out(highest_frequency_Hz(resolved.plate), stone_contact_time_s(scene, assembly))
+            left_out = energy_left_out(highest_frequency_Hz(resolved.plate), stone_contact_time_s(assembly))
             warnings += warned(source, warnings_of_plate(resolved.plate, left_out))
             with refused_in(source, "plate"):
                 modes = modes_for_loads(resolved.plate, cache, places_m(stones))

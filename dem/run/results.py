@@ -37,8 +37,7 @@ from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun, warned
 from dem.stones.arrangement import gangue_ratio
-from dem.stones.assembly import Assembly, density_kg_m3
-from dem.stones.stone import material_of, plate_contact
+from dem.stones.assembly import Assembly
 from plate_fem.modes import energy_left_out
 from plate_fem.motion import FILE, RecordedMotion
 
@@ -91,7 +90,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     left = read_text_columns(deck / "left.csv", step, LEFT)
     if assembly.is_stream:
         write_parquet(left, file("left.parquet"))
-    write_parquet(stones_table(scene, assembly, step, pushes, events, left, ledger), file("stones.parquet"))
+    write_parquet(stones_table(assembly, step, pushes, events, left, ledger), file("stones.parquet"))
     parts = stone_energies(ledger, scene.time.gravity_m_s2, assembly.mass_height_kg_m)
     write_parquet(energy_table(parts, ledger, step.dt_s), file("energy.parquet"))
     energy = energy_ledger(parts, plate.energy(), ledger.has_entered[-1] * assembly.kinetic_start_J)
@@ -125,7 +124,7 @@ def _origin(prepared: PreparedRun) -> dict[str, Any]:
         "gangue_ratio_by_mass": share("mass"),
         "materials": assembly.stone_materials,
         "versions": versions(),
-        "stones": {name: values.tolist() for name, values in stones_given(scene, assembly).items()
+        "stones": {name: values.tolist() for name, values in stones_given(assembly).items()
                    } if scene.scatter.drawn else None,
         "seeds": [stone.seed for stone in assembly.stones] if assembly.n_bonds else [],
     }
@@ -157,7 +156,7 @@ def _outcome(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict
     stones = range(1, len(results.stone_mass_kg) + 1)
     broken = np.bincount(results.events["agglomerate"], minlength=len(stones) + 1)[1:]
     momentum_start = results.ledger.has_entered[-1] * prepared.assembly.momentum_start_kg_m_s[:, 2]
-    yielded = yield_report(scene, prepared.assembly, pushes.of_stones(len(stones)), end["wall_deepest"],
+    yielded = yield_report(scene.plate, prepared.assembly, pushes.of_stones(len(stones)), end["wall_deepest"],
                            plate.bending())
     return {
         "n_bonds_broken": len(results.events["t_s"]),
@@ -199,7 +198,7 @@ def plate_energy_left_out(scene: Scene, assembly: Assembly) -> float | None:
     """Share of the plate's energy that would belong to modes above those kept, for the shortest contact of a stone."""
     if not isinstance(scene.plate, FlexiblePlate) or scene.plate.max_frequency_Hz is None:
         return None
-    return energy_left_out(scene.plate.max_frequency_Hz, stone_contact_time_s(scene, assembly))
+    return energy_left_out(scene.plate.max_frequency_Hz, stone_contact_time_s(assembly))
 
 
 def plate_maxima(fast: Columns) -> dict[str, float]:
@@ -224,7 +223,7 @@ def own_version() -> str:
         return "not installed"
 
 
-def stones_table(scene: Scene, assembly: Assembly, step: TimeStep, pushes: Pushes, events: Columns,
+def stones_table(assembly: Assembly, step: TimeStep, pushes: Pushes, events: Columns,
                  left: Columns, ledger: StoneLedger) -> Columns:
     """A row a stone, in order, with what each is (dem.stones.stone.Stone), and:
 
@@ -240,7 +239,7 @@ def stones_table(scene: Scene, assembly: Assembly, step: TimeStep, pushes: Pushe
     impulse = np.bincount(pushes.stone, pushes.mean_N, n) * step.fast_steps * step.dt_s
     area = [math.fsum(events["area_m2"][events["agglomerate"] == k]) for k in range(1, n + 1)]
     return {
-        "stone": np.arange(1, n + 1), **stones_given(scene, assembly), "mass_kg": assembly.stone_mass_kg,
+        "stone": np.arange(1, n + 1), **stones_given(assembly), "mass_kg": assembly.stone_mass_kg,
         "subspheres": assembly.sizes,
         "waited_s": np.where(ledger.has_entered[-1], ledger.column["waited_steps"][-1] * step.dt_s, np.nan),
         "first_contact_s": contact_s, "first_x_m": place[:, 0], "first_y_m": place[:, 1],
@@ -248,15 +247,16 @@ def stones_table(scene: Scene, assembly: Assembly, step: TimeStep, pushes: Pushe
         **_gone(left, assembly)}
 
 
-def stones_given(scene: Scene, assembly: Assembly) -> Columns:
+def stones_given(assembly: Assembly) -> Columns:
     """What each stone is, as the scene gave it or as it was drawn."""
     stones = assembly.stones
     table = {name: np.array([getattr(stone, name) for stone in stones]) for name in (
         "material", "shape", "radius_m", "arrival_s", "strength_factor")}
-    table["kind"] = np.array([scene.kind_of(stone.material) for stone in stones])
-    table["density_kg_m3"] = np.array([density_kg_m3(scene, stone) for stone in stones])
-    table["youngs_modulus_Pa"] = np.array([material_of(scene, stone.substance).youngs_modulus_Pa for stone in stones])
-    table["restitution"] = np.array([plate_contact(scene, stone.substance).restitution for stone in stones])
+    substances = [stone.substance for stone in stones]
+    table["kind"] = np.array([one.kind for one in substances])
+    table["density_kg_m3"] = np.array([stone.density_kg_m3 for stone in stones])
+    table["youngs_modulus_Pa"] = np.array([one.material.youngs_modulus_Pa for one in substances])
+    table["restitution"] = np.array([one.plate_contact.restitution for one in substances])
     table["seed"] = np.array([str(stone.seed) for stone in stones])  # may be beyond a column of whole numbers
     for name, axes, unit in (("place", "xy", "_m"), ("velocity", "xyz", "_m_s"), ("spin", "xyz", "_rad_s"),
                              ("attitude", "wxyz", "")):

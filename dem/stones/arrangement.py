@@ -16,7 +16,7 @@ from common.scene.distribution import Distribution, one_value
 from common.scene.scene import Scene
 from common.scene.stones import COAL, GANGUE, MOST_STONES, By, DrawnTable, EachStone
 from common.tables import InputError
-from dem.stones.stone import UPRIGHT, Flying, Stone, gap_to_box_m, reach_m
+from dem.stones.stone import UPRIGHT, Flying, Stone, Substance, gap_to_box_m, reach_m, substances_of
 
 PLACE_TRIES = 1000
 PACKINGS = 8  # of each shape, which stones share: to find one takes longer than many an impact
@@ -42,9 +42,9 @@ def drawn_stones(scene: Scene, file: str) -> list[Stone]:
     axis = of_spin.normal(size=(count, 3))
     spin = table.spin_rad_s.draw(count, of_spin)[:, None] * axis / np.linalg.norm(axis, axis=1)[:, None]
     packing, attitude = shared_packings(scene, count)
-    shapes = scene.falling_shapes
+    shapes, substances = scene.falling_shapes, substances_of(scene)
     shape = rng("shape").integers(len(shapes), size=count)
-    stones = [Stone(material=GANGUE if gangue[k] else COAL, radius_m=float(size_m[k]) / 2,
+    stones = [Stone(substance=substances[GANGUE if gangue[k] else COAL], radius_m=float(size_m[k]) / 2,
                     place_m=(0.0, 0.0), velocity_m_s=scene.down(float(speed[k])),
                     seed=packing[k], gap_m=scene.stones.gap_m, arrival_s=float(arrival_s[k]),
                     spin_rad_s=tuple(spin[k].tolist()), attitude=attitude[k],
@@ -155,8 +155,9 @@ def scattered(scene: Scene, stones: list[Stone], file: str) -> list[Stone]:
                                                     "strength_factor", "speed_factor")),
               drawn("restitution", NOTHING), drawn("arrival_s", NOTHING))
     stones = [replace(
-        stone, radius_m=radius * stone.radius_m, density_factor=density, youngs_modulus_factor=modulus,
-        strength_factor=strength * stone.strength_factor, restitution=restitution,
+        stone, radius_m=radius * stone.radius_m, density_factor=density,
+        substance=replace(stone.substance, youngs_modulus_factor=modulus, restitution=restitution),
+        strength_factor=strength * stone.strength_factor,
         velocity_m_s=tuple(speed * v for v in stone.velocity_m_s),
         arrival_s=stone.arrival_s + arrival)
         for stone, radius, density, modulus, strength, speed, restitution, arrival in own]
@@ -198,7 +199,8 @@ def stones_of(scene: Scene, file: str) -> list[Stone]:
         stones = drawn_stones(scene, file)
     elif table.each is not None:
         seeds, _ = _packings(scene, len(table.each))
-        stones = [_one(scene, k, one, seeds[k]) for k, one in enumerate(table.each)]
+        substances = substances_of(scene)
+        stones = [_one(scene, k, one, substances[one.material], seeds[k]) for k, one in enumerate(table.each)]
     else:
         stones = _volley(scene, file)
     if scene.scatter.drawn:
@@ -215,7 +217,7 @@ def gangue_ratio(scene: Scene, stones: list[Stone], mass_kg: np.ndarray, by: By 
     drawn = scene.stones.drawn
     by = by or ("number" if drawn is None else drawn.gangue_by)
     weight = mass_kg if by == "mass" else np.ones(len(stones))
-    is_gangue = np.array([scene.kind_of(stone.material) == "gangue" for stone in stones])
+    is_gangue = np.array([stone.substance.kind == "gangue" for stone in stones])
     gangue = weight[is_gangue].sum()
     return float(gangue / (gangue + weight[~is_gangue].sum()))  # rounding makes it no more than 1
 
@@ -227,9 +229,9 @@ def _packings(scene: Scene, count: int) -> tuple[list[int], list[tuple[float, fl
     return [scene.stones.seed + k for k in range(count)], [UPRIGHT] * count
 
 
-def _one(scene: Scene, k: int, one: EachStone, seed: int) -> Stone:
+def _one(scene: Scene, k: int, one: EachStone, substance: Substance, seed: int) -> Stone:
     velocity = one.velocity_m_s
-    return Stone(material=one.material, radius_m=one.radius_m, place_m=one.place_m,
+    return Stone(substance=substance, radius_m=one.radius_m, place_m=one.place_m,
                  velocity_m_s=velocity if isinstance(velocity, tuple) else scene.down(velocity),
                  seed=seed, gap_m=scene.stones.gap_m, flaw_seed=scene.stones.seed + k,
                  arrival_s=one.arrival_s, spin_rad_s=one.spin_rad_s, attitude=one.attitude or UPRIGHT, shape=one.shape)
@@ -247,7 +249,8 @@ def _volley(scene: Scene, file: str) -> list[Stone]:
     chosen = set(table.gangue_order[:round(n_gangue)])
     # A place keeps its packing whatever its material, so that a sweep changes the material alone.
     seeds, attitudes = _packings(scene, table.count)
-    return [Stone(material=GANGUE if k + 1 in chosen else COAL, radius_m=table.radius_m,
+    substances = substances_of(scene)
+    return [Stone(substance=substances[GANGUE if k + 1 in chosen else COAL], radius_m=table.radius_m,
                   place_m=place, velocity_m_s=scene.down(speed),
                   seed=seeds[k], gap_m=table.gap_m, attitude=attitudes[k], flaw_seed=table.seed + k)
             for k, place in enumerate(table.positions_m)]

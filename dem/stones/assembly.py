@@ -160,7 +160,7 @@ def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> St
     where sub-spheres are too few for a smooth contact.
     """
     one = _at_reference_size(scene, stone, cache_dir).scaled(stone.radius_m)
-    strength = stone.strength_factor * _flaws(scene, stone, one.packing, one.bonds)
+    strength = stone.strength_factor * _flaws(stone, one.packing, one.bonds)
     if stone.attitude != UPRIGHT and len(one.bonds):
         one = one.turned(stone.attitude)
     packing, network, surface, faces = one.packing, one.bonds, one.surface, one.faces
@@ -170,24 +170,19 @@ def stone_parts(scene: Scene, stone: Stone, cache_dir: Path | None = None) -> St
         lowest = min(lowest, faces.lowest_m(packing.center_m))
     x, y, height = entry_of(stone, scene.gravity_vector_m_s2).offset_m
     center = packing.center_m + [stone.place_m[0] + x, stone.place_m[1] + y, height - lowest]
-    mass = density_kg_m3(scene, stone) * 4 / 3 * np.pi * stone.radius_m**3
-    share = mass * radius**3 / (radius**3).sum() if one.mass_share is None else mass * one.mass_share
+    volume = radius**3
+    share = stone.mass_kg * volume / volume.sum() if one.mass_share is None else stone.mass_kg * one.mass_share
     return StoneParts(center, radius, share, network, strength, surface, faces)
 
 
-def _flaws(scene: Scene, stone: Stone, packing: Packing, network: Bonds) -> np.ndarray:
+def _flaws(stone: Stone, packing: Packing, network: Bonds) -> np.ndarray:
     """(m,) factors on the strengths of the bonds of a stone that is not turned yet."""
     if not len(network):
         return np.ones(0)
-    bond = scene.bond_of(stone.material)
+    bond = stone.substance.bond
     seed = stone.seed if stone.flaw_seed is None else stone.flaw_seed
     return flaw_factors(bond.flaw_modulus, bond.flaw_length_m, seed,
                         packing.center_m[network.first] + network.vector_m / 2)
-
-
-def density_kg_m3(scene: Scene, stone: Stone) -> float:
-    """Of a stone, by its material and its own factor."""
-    return scene.materials[stone.material].density_kg_m3 * stone.density_factor
 
 
 def _all_parts(scene: Scene, stones: Sequence[Stone], cache_dir: Path | None,
@@ -277,7 +272,7 @@ def _at_reference_size(scene: Scene, stone: Stone, cache_dir: Path | None) -> _S
         faces = _faces(table.subspheres, stone.seed, cache_dir, shape) if table.contact == "faces" else None
         return _StoneAlone(packing, network, None, mass_shares(packing, solid_of(shape, stone.seed)), faces)
     packing, network = _packed(table.subspheres, stone.seed, cache_dir, None)
-    surface = _surface(scene, packing, network, stone, cache_dir) if scene.has_smooth_contact else None
+    surface = _surface(packing, network, stone, cache_dir) if scene.has_smooth_contact else None
     return _StoneAlone(packing, network, surface)
 
 
@@ -326,12 +321,12 @@ def mass_shares(packing: Packing, solid: Solid) -> np.ndarray:
     return share
 
 
-def _surface(scene: Scene, packing: Packing, network: Bonds, stone: Stone,
-             cache_dir: Path | None) -> StoneSurface:
+def _surface(packing: Packing, network: Bonds, stone: Stone, cache_dir: Path | None) -> StoneSurface:
     """Compliances go with 1/E, so that one that is kept serves all stones of a material."""
+    bond = stone.substance.table.bond
+    assert bond is not None
     try:
-        return surface_of(packing, network, scene.bond_of(stone.material), cache_dir).scaled(
-            1 / stone.youngs_modulus_factor)
+        return surface_of(packing, network, bond, cache_dir).scaled(1 / stone.substance.youngs_modulus_factor)
     except ValueError as error:
         allowed = f"must be more where contact = 'smooth', such as 200: {error}"
         raise Refused("subspheres", len(packing.radius_m), allowed) from None

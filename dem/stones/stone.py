@@ -6,20 +6,24 @@ velocity v at the touch it was, tau seconds before,
 
     at   -v tau + g tau^2/2   from where it touches, with the velocity   v - g tau
 
-A stone is of a substance: a material of the scene, and what its stones have of their own. It is a type of particle in
-the engine. Density and strength are not among its properties: sub-spheres have a mass each, and bonds a factor each.
+A stone knows its substance, of which all else is asked that follows from the scene's materials and contacts. It is a
+type of particle in the engine. Density and strength are not among its properties: sub-spheres have a mass each, and
+bonds a factor each.
 """
 
 import math
 import zlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import gamma, log_ndtr
 
+from common.hertz import contact_modulus_Pa
 from common.scene.distribution import LEAST_RESTITUTION
-from common.scene.scene import BondTable, ContactTable, MaterialTable, Scene
+from common.scene.plate import Plate
+from common.scene.scene import PLATE, BondTable, ContactTable, MaterialTable, Scene
 from common.scene.stones import SPHERE
 from dem.stones.solids import solid_of
 
@@ -28,42 +32,60 @@ WAVES = 256  # of a field of flaws; with so many it is Gaussian within its stati
 
 @dataclass(frozen=True, order=True)
 class Substance:
-    """A material of the scene with a factor on its Young's modulus. `restitution` on the plate; 0: that of the scene's
-    contacts."""
+    """A material of the scene with a factor on its Young's modulus, and its contacts, by the name of the other material
+    or PLATE, as far as the scene gives them. `restitution` on the plate; 0: that of the contacts."""
 
-    material: str
-    youngs_modulus_factor: float = 1.0
-    restitution: float = 0.0
+    name: str
+    youngs_modulus_factor: float
+    restitution: float
+    kind: str = field(compare=False)
+    table: MaterialTable = field(compare=False)
+    contacts: Mapping[str, ContactTable] = field(compare=False)
+    plate: Plate = field(compare=False)
+
+    @cached_property
+    def material(self) -> MaterialTable:
+        """With the substance's Young's modulus, that of the bonds too."""
+        own, bond = {"youngs_modulus_Pa": self.table.youngs_modulus_Pa * self.youngs_modulus_factor}, self.table.bond
+        if bond is not None:
+            bond = bond.model_copy(update={"youngs_modulus_Pa": bond.youngs_modulus_Pa * self.youngs_modulus_factor})
+        return self.table.model_copy(update=own | {"bond": bond})
+
+    @property
+    def bond(self) -> BondTable:
+        """Of agglomerates, for which the scene sees that there are bonds."""
+        assert self.material.bond is not None
+        return self.material.bond
+
+    @cached_property
+    def modulus_on_plate_Pa(self) -> float:
+        """E* of its contact with the plate."""
+        return contact_modulus_Pa(self.material, self.plate)
+
+    @cached_property
+    def plate_contact(self) -> ContactTable:
+        contact = self.contacts[PLATE]
+        return contact.model_copy(update={"restitution": self.restitution}) if self.restitution else contact
+
+    def contact_with(self, other: "Substance") -> ContactTable | None:
+        """That of their materials, whose restitution changes by the geometric mean of what the restitutions of both on
+        the plate have changed by. None where the scene gives none."""
+        contact = self.contacts.get(other.name)
+        if contact is None or self.restitution == other.restitution == 0:
+            return contact
+        gained = [one.plate_contact.restitution / one.contacts[PLATE].restitution for one in (self, other)]
+        restitution = float(np.clip(contact.restitution * np.sqrt(gained[0] * gained[1]), LEAST_RESTITUTION, 1.0))
+        return contact.model_copy(update={"restitution": restitution})
 
 
-def material_of(scene: Scene, substance: Substance) -> MaterialTable:
-    """The material with the substance's Young's modulus."""
-    table = scene.materials[substance.material]
-    return table.model_copy(update={
-        "youngs_modulus_Pa": table.youngs_modulus_Pa * substance.youngs_modulus_factor,
-        "bond": None if table.bond is None else bond_of(scene, substance)})
-
-
-def bond_of(scene: Scene, substance: Substance) -> BondTable:
-    bond = scene.bond_of(substance.material)
-    return bond.model_copy(update={"youngs_modulus_Pa": bond.youngs_modulus_Pa * substance.youngs_modulus_factor})
-
-
-def plate_contact(scene: Scene, substance: Substance) -> ContactTable:
-    contact = scene.plate_contact(substance.material)
-    return contact if substance.restitution == 0 else contact.model_copy(update={"restitution": substance.restitution})
-
-
-def pair_contact(scene: Scene, first: Substance, second: Substance) -> ContactTable | None:
-    """The contact of two substances: that of their materials, whose restitution changes by the geometric mean of what
-    the restitutions of both on the plate have changed by. None where the scene gives none."""
-    contact = scene.contact_of(first.material, second.material)
-    if contact is None or first.restitution == second.restitution == 0:
-        return contact
-    gained = [plate_contact(scene, one).restitution / scene.plate_contact(one.material).restitution
-              for one in (first, second)]
-    restitution = float(np.clip(contact.restitution * np.sqrt(gained[0] * gained[1]), LEAST_RESTITUTION, 1.0))
-    return contact.model_copy(update={"restitution": restitution})
+def substances_of(scene: Scene) -> dict[str, Substance]:
+    """The materials that may fall, in alphabetic order."""
+    found = {}
+    for name in scene.falling_materials:
+        contacts = {other: scene.contact_of(name, other) for other in (*scene.falling_materials, PLATE)}
+        found[name] = Substance(name, 1.0, 0.0, scene.kind_of(name) or "", scene.materials[name],
+                                {other: one for other, one in contacts.items() if one is not None}, scene.plate)
+    return found
 
 
 def flaw_factors(modulus: float | None, length_m: float | None, seed: int, place_m: np.ndarray) -> np.ndarray:
@@ -96,7 +118,7 @@ class Stone:
     others on what the material has; `seed` of its packing; `flaw_seed` of its field of flaws, absent: `seed`.
     """
 
-    material: str
+    substance: Substance
     radius_m: float
     place_m: tuple[float, float]
     velocity_m_s: tuple[float, float, float]
@@ -108,13 +130,26 @@ class Stone:
     strength_factor: float = 1.0
     shape: str = SPHERE
     density_factor: float = 1.0
-    youngs_modulus_factor: float = 1.0
-    restitution: float = 0.0  # on the plate; 0: that of the scene's contacts
     flaw_seed: int | None = None
 
     @property
-    def substance(self) -> Substance:
-        return Substance(self.material, self.youngs_modulus_factor, self.restitution)
+    def material(self) -> str:
+        """Its name."""
+        return self.substance.name
+
+    @property
+    def density_kg_m3(self) -> float:
+        return self.substance.table.density_kg_m3 * self.density_factor
+
+    @property
+    def mass_kg(self) -> float:
+        return self.density_kg_m3 * 4 / 3 * math.pi * self.radius_m**3
+
+    def made_of(self, other: Substance) -> "Stone":
+        """The stone, were it of another material; what it has of its own stays."""
+        own = replace(other, youngs_modulus_factor=self.substance.youngs_modulus_factor,
+                      restitution=self.substance.restitution)
+        return replace(self, substance=own)
 
     @property
     def speed_m_s(self) -> float:

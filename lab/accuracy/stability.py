@@ -108,7 +108,7 @@ def build(settings: dict) -> Scene:
          "start": "falling"} | settings
     changes = _stones(s) | _materials(s) | _plate(s)
     changes |= {"time.view_interval_s": None, "time.duration_s": 1.0, "time.sample_interval_s": 1.0}
-    contact = stone_contact_time_s(*_assembled(changed_scene(PAPER, changes)))
+    contact = stone_contact_time_s(_assembled(changed_scene(PAPER, changes))[1])
     duration = CONTACT_TIMES * contact + changes["stones.gap_m"] / max(changes["stones.speed_m_s"], 1e-3)
     if s["start"] == "resting":
         duration = CONTACT_TIMES * contact

@@ -104,7 +104,7 @@ SPHERES: dict = {"stones.agglomerate": None}
 def numerical_settings() -> list[NumericalSetting]:
     scene = scene_of({})
     assembly = assemble(scene, stones_of(scene, "scene"))
-    t0, stone_contact_s = bond_time_s(scene, assembly), stone_contact_time_s(scene, assembly)
+    t0, stone_contact_s = bond_time_s(assembly), stone_contact_time_s(assembly)
     assert t0 is not None and isinstance(scene.plate, FlexiblePlate)
     return [*step_settings(t0, stone_contact_s), *plate_settings(stone_contact_s, default_mesh_size(scene.plate)),
             *other_settings()]
@@ -153,7 +153,7 @@ def plate_settings(stone_contact_s: float, cell_m: float) -> list[NumericalSetti
 
     def thin_modes(number: float, changes: dict) -> Setting:
         alone = scene_of(thin | changes)
-        contact_s = stone_contact_time_s(alone, assemble(alone, stones_of(alone, "scene")))
+        contact_s = stone_contact_time_s(assemble(alone, stones_of(alone, "scene")))
         return Setting(number, {"plate.max_frequency_Hz": number / contact_s} | thin | changes)
 
     def mesh(factor: float) -> Setting:

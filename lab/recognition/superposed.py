@@ -17,10 +17,10 @@ import numpy as np
 import pandas as pd
 
 from common.channels import force_column, rod_column, sensor_column
-from common.scene.scene import Scene
+from common.scene.scene import PLATE
 from dem.batch.dataset import DatasetRun, plan_dataset
 from dem.stones.arrangement import stones_of
-from dem.stones.stone import Stone, material_of, plate_contact
+from dem.stones.stone import Stone
 from lab.known_truth.stone_histories import SETS, histories
 from lab.study import Row
 from recognition.plate.plate_model import PlateModel, modal_steps
@@ -43,28 +43,23 @@ def near(gangue: bool, radius_m: float, speed_m_s: float, seed: int, sets: tuple
     return every[int(np.random.default_rng([seed, gangue]).choice(np.argsort(far)[:NEAR]))]
 
 
-def force_of(scene: Scene, stone: Stone, steps: int, sets: tuple[str, ...] = OF_THE_ROCK) -> np.ndarray:
+def force_of(stone: Stone, steps: int, sets: tuple[str, ...] = OF_THE_ROCK) -> np.ndarray:
     """(steps,) in N, by a history of one of the sets. Hertz: duration ~ R (rho/E*)^(2/5) v^(-1/5), impulse ~ rho R^3 v (1 + e)."""
-    gangue = scene.kind_of(stone.material) == "gangue"
+    substance, gangue = stone.substance, stone.substance.kind == "gangue"
     one = near(gangue, stone.radius_m, stone.speed_m_s, stone.seed, sets)
-    material, plate = scene.materials[stone.material], scene.plate
+    material, plate = substance.table, substance.plate
 
     def modulus(youngs_modulus_Pa: float) -> float:
         return 1 / ((1 - material.poisson_ratio**2) / youngs_modulus_Pa + (1 - plate.poisson_ratio**2) / plate.youngs_modulus_Pa)
 
     size, speed = stone.radius_m / one.radius_m, stone.speed_m_s / one.speed_m_s
-    density = stone.density_factor * material.density_kg_m3 / one.density_kg_m3
-    stiff = modulus(material_of(scene, stone.substance).youngs_modulus_Pa) / modulus(material.youngs_modulus_Pa)
-    rebound = (1 + plate_contact(scene, stone.substance).restitution) / (
-        1 + scene.contacts[f"{stone.material}_plate"].restitution)
+    density = stone.density_kg_m3 / one.density_kg_m3
+    stiff = modulus(substance.material.youngs_modulus_Pa) / modulus(material.youngs_modulus_Pa)
+    rebound = (1 + substance.plate_contact.restitution) / (1 + substance.contacts[PLATE].restitution)
     longer, more = size * (density / stiff) ** 0.4 * speed**-0.2, density * size**3 * speed * rebound
     total = np.concatenate([[0.0], np.cumsum(one.force_N) * one.step_s])  # impulse up to the end of each step
     ends_s = np.arange(steps + 1) * STEP_s - stone.arrival_s
     return more * np.diff(np.interp(ends_s / longer, np.arange(total.size) * one.step_s, total)) / STEP_s
-
-
-def mass_kg(scene: Scene, stone: Stone) -> float:
-    return 4 / 3 * np.pi * stone.radius_m**3 * stone.density_factor * scene.materials[stone.material].density_kg_m3
 
 
 @dataclass(frozen=True)
@@ -109,7 +104,7 @@ def write(planned: DatasetRun, directory: Path) -> dict[str, object]:
         directory.mkdir(parents=True, exist_ok=True)
         stones = stones_of(scene, planned.source)
         steps = round(scene.time.duration_s / STEP_s) + SAMPLE
-        force = np.stack([force_of(scene, stone, steps) for stone in stones])
+        force = np.stack([force_of(stone, steps) for stone in stones])
         place = np.array([stone.place_m for stone in stones])
         pd.DataFrame(signals_of(plate_of(scene.plate.model_dump_json()), force, place)).to_parquet(directory / "signals.parquet")
         kept = round(FORCES_s / STEP_s)
@@ -118,8 +113,8 @@ def write(planned: DatasetRun, directory: Path) -> dict[str, object]:
         pd.DataFrame(table).to_parquet(directory / "fast.parquet")
         velocity = np.array([stone.velocity_m_s for stone in stones])
         pd.DataFrame({
-            "stone": np.arange(1, len(stones) + 1), "kind": [scene.kind_of(stone.material) for stone in stones],
-            "radius_m": [stone.radius_m for stone in stones], "mass_kg": [mass_kg(scene, stone) for stone in stones], "arrival_s": [stone.arrival_s for stone in stones],
+            "stone": np.arange(1, len(stones) + 1), "kind": [stone.substance.kind for stone in stones],
+            "radius_m": [stone.radius_m for stone in stones], "mass_kg": [stone.mass_kg for stone in stones], "arrival_s": [stone.arrival_s for stone in stones],
             "impulse_N_s": force.sum(axis=1) * STEP_s, "peak_force_N": force.max(axis=1),
             **{f"{name}_{axis}_m{unit}": values[:, k] for name, values, unit in (
                 ("place", place, ""), ("first", place, ""), ("velocity", velocity, "_s"))

@@ -83,11 +83,11 @@ def breakage_mesh_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
                   ["broken_area_cm2", "largest_fragment", "released_mJ", "resolution"])
     table = table.drop(columns="resolution_sem").sort_values(["speed_m_s", "subspheres", "restitution"])
     scene = changed_scene(SCENES / "single.toml", of_rock(COHERENT))
-    coal, radius_m, fracture_J_m2 = scene.materials["coal"], scene.stones.volley[1], scene.bond_of("coal").fracture_energy_J_m2
-    assert fracture_J_m2 is not None
+    coal, radius_m = scene.materials["coal"], scene.stones.volley[1]
+    assert coal.bond is not None and coal.bond.fracture_energy_J_m2 is not None
     impact_J = coal.density_kg_m3 * 2 / 3 * np.pi * radius_m**3 * table["speed_m_s"] ** 2
     table["released_percent"] = 0.1 * table["released_mJ"] / impact_J
-    table["fracture_percent"] = 0.01 * fracture_J_m2 * table["broken_area_cm2"] / impact_J
+    table["fracture_percent"] = 0.01 * coal.bond.fracture_energy_J_m2 * table["broken_area_cm2"] / impact_J
     for _, own in table[table["speed_m_s"] > SLOW_m_s].groupby(["subspheres", "restitution"]):
         for area in AREAS_cm2:
             if LOWER * own["broken_area_cm2"].min() < area < own["broken_area_cm2"].max():

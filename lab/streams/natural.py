@@ -32,9 +32,8 @@ HELD_OUT = ("held_out", "one_fall", "any_fall")
 def stones(streams: int) -> list[History]:
     """Those of ten volleys a stream, with their forces."""
     volleys = [one.scene for one in plan_dataset(PLAN, 10 * streams) if one.directory.parts[0] == "natural"]
-    return [History(force_of(scene, replace(stone, arrival_s=0.0), round(FORCE_s / STEP_s), HELD_OUT), STEP_s,
-                    scene.kind_of(stone.material) == "gangue", stone.radius_m,
-                    stone.density_factor * (scene.materials[stone.material].density_kg_m3 or np.nan), stone.speed_m_s)
+    return [History(force_of(replace(stone, arrival_s=0.0), round(FORCE_s / STEP_s), HELD_OUT), STEP_s,
+                    stone.substance.kind == "gangue", stone.radius_m, stone.density_kg_m3, stone.speed_m_s)
             for scene in volleys for stone in stones_of(scene, str(PLAN))]
 
 

@@ -51,7 +51,7 @@ def needed(scene):
         "bonds": table is not None,
         "bond damping": table is not None and table.damping_ratio > 0,
         "dilatation": table is not None and any(
-            bond.volumetric_ratio > 0 or bond.pressure_strengthening > 0 for bond in map(scene.bond_of, ("coal", "gangue"))),
+            bond.volumetric_ratio > 0 or bond.pressure_strengthening > 0 for bond in (scene.materials[name].bond for name in ("coal", "gangue"))),
         "friction": rubs,
         "friction history": rubs,
         "gravity": scene.time.gravity_m_s2 > 0,

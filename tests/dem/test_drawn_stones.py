@@ -113,7 +113,7 @@ def test_stones_one_by_one_are_as_they_were_given(tmp_path):
     closes."""
     scene = each_scene()
     one = assemble(scene, stones_of(scene, "scene"))
-    assert one.stone_materials == ["coal", "gangue", "shale"] and [s.material for s in one.substances] == ["coal", "gangue", "shale"]
+    assert one.stone_materials == ["coal", "gangue", "shale"] and [s.name for s in one.substances] == ["coal", "gangue", "shale"]
     mass = [density * 4 / 3 * np.pi * e["radius_m"] ** 3 for density, e in zip((1380.0, 2400.0, 2000.0), EACH)]
     assert one.stone_mass_kg == pytest.approx(mass)
     velocity, omega = one.start_motion()

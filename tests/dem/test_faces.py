@@ -72,7 +72,7 @@ def test_columns_have_the_area_of_each_face_and_its_middle(cube_file):
     assert column_stiffness_N_m(only, 1e20, 2e11).sum() == pytest.approx(punch, rel=1e-6)
     level = replace(only, height_m=np.full(down.sum(), 0.002))
     assert column_stiffness_N_m(level, E_Pa, 1e20).sum() == pytest.approx(E_Pa * SIDE_m**2 / 0.002, rel=1e-6)
-    assert stiffest_face_N_m(scene, one) < E_Pa * SIDE_m**2 / one.radius_m.min()
+    assert stiffest_face_N_m(one) < E_Pa * SIDE_m**2 / one.radius_m.min()
 
 
 @pytest.mark.parametrize(("subspheres", "within"), [(200, 0.1), (800, 0.05)])

@@ -32,11 +32,11 @@ def test_another_number_or_seed_is_another_packing(tmp_path):
 def test_a_surface_from_the_library_is_the_surface(tmp_path, monkeypatch):
     packing = pack_sphere(0.025, 200, 7)
     bonds, scene = bond_network(packing), read_scene(SCENES / "paper.toml")
-    expected = stone_surface(packing, bonds, scene.bond_of("coal"))
-    surface_of(packing, bonds, scene.bond_of("coal"), tmp_path)
-    other = surface_of(packing, bonds, scene.bond_of("gangue"), tmp_path)
+    expected = stone_surface(packing, bonds, scene.materials["coal"].bond)
+    surface_of(packing, bonds, scene.materials["coal"].bond, tmp_path)
+    other = surface_of(packing, bonds, scene.materials["gangue"].bond, tmp_path)
     monkeypatch.setattr(contact_patch, "stone_surface", lambda *_: pytest.fail("found again"))
-    kept = surface_of(packing, bonds, scene.bond_of("coal"), tmp_path)
+    kept = surface_of(packing, bonds, scene.materials["coal"].bond, tmp_path)
     assert np.array_equal(kept.compliance_m_N, expected.compliance_m_N)
     assert np.all(kept.compliance_m_N != other.compliance_m_N)
     assert np.array_equal(kept.is_surface, expected.is_surface)
@@ -46,7 +46,7 @@ def test_a_surface_of_another_container_is_another_surface(tmp_path):
     """The same sub-spheres in a larger sphere: fewer of them reach its surface."""
     packing = pack_sphere(0.025, 200, 7)
     larger = replace(packing, container=SphereContainer(0.0255))
-    bonds, bond = bond_network(packing), read_scene(SCENES / "paper.toml").bond_of("coal")
+    bonds, bond = bond_network(packing), read_scene(SCENES / "paper.toml").materials["coal"].bond
     surface_of(packing, bonds, bond, tmp_path)
     kept, expected = surface_of(larger, bonds, bond, tmp_path), stone_surface(larger, bonds, bond)
     assert np.array_equal(kept.compliance_m_N, expected.compliance_m_N)

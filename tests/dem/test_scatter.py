@@ -1,6 +1,7 @@
 """Stones that each have something of their own, and what counts as gangue (docs/stones.md)."""
 
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 import pandas as pd
@@ -17,10 +18,10 @@ from dem.stones.assembly import assemble, stone_parts
 from dem.stones.bonds import bond_network
 from dem.stones.contact_patch import stone_surface
 from dem.stones.packing import pack_sphere
-from dem.stones.stone import Substance, pair_contact
+from dem.stones.stone import substances_of
 
 NATURAL = {"stones.agglomerate.subspheres": 200}
-OWN = ("radius_m", "density_factor", "youngs_modulus_factor", "strength_factor", "restitution", "velocity_m_s", "place_m",
+OWN = ("radius_m", "density_factor", "substance.youngs_modulus_factor", "strength_factor", "substance.restitution", "velocity_m_s", "place_m",
        "arrival_s")
 
 
@@ -35,9 +36,9 @@ def test_a_factor_has_the_mean_and_the_variation_that_it_was_given(cv):
 def test_each_stone_has_its_own_and_the_ratio_changes_none_of_it():
     few, many = (stones_of(changed("natural", {"stones.gangue_ratio": ratio}), "natural") for ratio in (0.2, 0.8))
     for name in OWN:
-        values = [getattr(stone, name) for stone in few]
-        assert values == [getattr(stone, name) for stone in many] and len(set(values)) == 10
-    assert all(0.6 <= stone.restitution <= 0.9 and 0 <= stone.arrival_s <= 5e-3 for stone in few)
+        values = list(map(attrgetter(name), few))
+        assert values == list(map(attrgetter(name), many)) and len(set(values)) == 10
+    assert all(0.6 <= stone.substance.restitution <= 0.9 and 0 <= stone.arrival_s <= 5e-3 for stone in few)
     ring = np.array([stone.place_m for stone in stones_of(changed("paper", {}), "paper")])
     places = np.array([stone.place_m for stone in few])
     assert np.linalg.norm(places - ring, axis=1).max() <= 0.02
@@ -83,8 +84,7 @@ def test_compliances_go_with_one_over_the_modulus_and_are_kept_once(tmp_path):
     stone = stones_of(scene, "natural")[0]
     found = stone_parts(scene, stone, tmp_path).surface
     kept = sorted(tmp_path.rglob("*surface*"))
-    bond = scene.bond_of("coal")
-    bond = bond.model_copy(update={"youngs_modulus_Pa": stone.youngs_modulus_factor * bond.youngs_modulus_Pa})
+    bond, factor = stone.substance.bond, stone.substance.youngs_modulus_factor
     packing = pack_sphere(stone.radius_m, 200, stone.seed)
     center = np.average(packing.center_m, axis=0, weights=packing.radius_m**3)
     packing = replace(packing, center_m=packing.center_m - center)
@@ -94,7 +94,7 @@ def test_compliances_go_with_one_over_the_modulus_and_are_kept_once(tmp_path):
     other = stone_parts(plain, stones_of(plain, "paper")[0], tmp_path).surface  # the same packing, read
     assert sorted(tmp_path.rglob("*surface*")) == kept
     size = stone.radius_m / 0.025
-    assert found.compliance_m_N * stone.youngs_modulus_factor * size == pytest.approx(other.compliance_m_N, rel=1e-12)
+    assert found.compliance_m_N * factor * size == pytest.approx(other.compliance_m_N, rel=1e-12)
 
 
 FIVE = [{"material": name, "radius_m": 0.02, "place_m": [0.05 * k - 0.1, y], "velocity_m_s": 2.0}
@@ -125,9 +125,10 @@ def test_stones_with_tables_of_their_own_count_by_their_kind_and_need_no_contact
 
 def test_two_stones_meet_with_what_both_have_gained_on_the_plate():
     scene = changed("paper", {})  # 0.9 on the plate, 0.5 among themselves
-    pair = pair_contact(scene, Substance("coal", 1.0, 0.6), Substance("gangue", 1.0, 0.8))
+    coal, gangue = substances_of(scene).values()
+    pair = replace(coal, restitution=0.6).contact_with(replace(gangue, restitution=0.8))
     assert pair.restitution == pytest.approx(0.5 * (0.6 / 0.9 * 0.8 / 0.9) ** 0.5) and pair.friction == 0.6
-    assert pair_contact(scene, Substance("coal"), Substance("gangue")) == scene.contacts["coal_gangue"]
+    assert coal.contact_with(gangue) == scene.contacts["coal_gangue"]
 
 
 def test_groups_of_a_data_set_draw_their_own_stones(tmp_path):
@@ -145,7 +146,7 @@ def test_drawn_stones_take_what_their_own_table_does_not_say(tmp_path):
     changes = {"stones.drawn": drawn, "stones.count": 6, **{f"stones.{key}": None for key in (
         "radius_m", "speed_m_s", "positions_m", "gangue_order")}}
     scene = changed("paper", changes | {"scatter.youngs_modulus_factor": {"lognormal_cv": 0.2}})
-    assert len({stone.youngs_modulus_factor for stone in stones_of(scene, "scene")}) == 6
+    assert len({stone.substance for stone in stones_of(scene, "scene")}) == 6
     with pytest.raises(InputError, match="scatter.radius_factor = .*must be left out where stones.drawn is given"):
         changed("paper", changes | {"scatter.radius_factor": {"lognormal_cv": 0.2}})
 

@@ -9,7 +9,7 @@ from common.scene.scene import changed_scene
 from common.tables import InputError
 from dem.run.run import run_scene
 from dem.stones.arrangement import PACKINGS, stones_of
-from dem.stones.stone import UPRIGHT, Stone, entry_of, path_before
+from dem.stones.stone import UPRIGHT, Stone, entry_of, path_before, substances_of
 
 GRAVITY = (0.0, 0.0, -9.8)
 ELASTIC = {"coal_plate": {"restitution": 1.0, "friction": 0.0}, "gangue_plate": {"restitution": 1.0, "friction": 0.0},
@@ -18,7 +18,8 @@ ELASTIC = {"coal_plate": {"restitution": 1.0, "friction": 0.0}, "gangue_plate": 
 
 
 def stone(**changes):
-    values = {"material": "coal", "radius_m": 0.02, "place_m": (0.0, 0.0), "velocity_m_s": (0.3, 0.0, -3.0), "seed": 1,
+    coal = substances_of(changed_scene(SCENES / "small.toml", {}))["coal"]
+    values = {"substance": coal, "radius_m": 0.02, "place_m": (0.0, 0.0), "velocity_m_s": (0.3, 0.0, -3.0), "seed": 1,
               "gap_m": 2e-5}
     return Stone(**values | changes)
 

@@ -42,7 +42,7 @@ def settings_of(tolerance):
     """What a tolerance picks for one bonded stone, and the error expected of it."""
     scene = changed("single", WITHOUT_MODES | {"tolerance": tolerance})
     assembly = assemble(scene, stones_of(scene, "scene"))
-    contact = stone_contact_time_s(scene, assembly)
+    contact = stone_contact_time_s(assembly)
     step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1)
     plate = with_cut_off(scene.plate, scene.tolerance, contact, bonded=True)
     return step, plate, expected_error(accuracy_settings(scene.model_copy(update={"plate": plate}), assembly, step))
