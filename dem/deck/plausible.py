@@ -16,8 +16,6 @@ from dem.deck.time_step import Body
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
 from dem.stones.bonds import CRACK_AREA
 from dem.stones.stone import Stone, substances_of
-from plate_fem.elements import mesh, system
-from plate_fem.elements.rods import joint_range
 from plate_fem.motion import RecordedMotion
 
 GRAVITY_m_s2, JUPITER_m_s2 = 9.81, 25.0
@@ -27,11 +25,9 @@ CRITICAL_SPEED = 0.84  # the laboratory's case `critical_speed`
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
 IDEAL_STRENGTH = 0.2  # of Young's modulus: of whiskers and of glass fresh from the melt
-COARSER = 1.01  # than the mesh that the highest mode needs
-LEAST_SPAN = 10  # the shorter side in thicknesses
 MOST_DEFLECTION = 0.5  # over the thickness: beyond, a plate stretches as it bends (von Karman)
 UNFINISHED, CARRIED = 0.05, 10.0  # of a stone's peak force, and of its weight: more is an impact that goes on
-MOST_LEFT_OUT, MOST_MISSING = 0.05, 0.01  # of the plate's energy above its modes; of the impulse
+MOST_MISSING = 0.01  # of the impulse
 
 
 def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
@@ -69,46 +65,6 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
             if strength < weight_Pa:
                 lines.append(f"{table}.bond.tensile_strength_Pa = {strength:g}: below {weight_Pa:.3g}, the stress of "
                              "a stone's own weight on earth")
-    return lines
-
-
-def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
-    """One line for each reason for which the plate's modes are not to be trusted; `left_out` is the share of energy
-    above max_frequency_Hz, which is known."""
-    shorter, highest_Hz = min(plate.size_m), mesh.highest_frequency_Hz(plate)
-    lines = []
-    if shorter < LEAST_SPAN * plate.thickness_m:
-        lines.append(f"plate.thickness_m = {plate.thickness_m:g}: the shorter side is "
-                     f"{shorter / plate.thickness_m:.3g} of it; theories of plates are for {LEAST_SPAN} and more")
-    if system.first_is_low(plate) and not system.sways(plate):
-        lines.append(f"plate.max_frequency_Hz = {highest_Hz:g}: modes within the plane, from about "
-                     f"{system.first_Hz_of(plate):.2g} Hz on, are left out, since no rod ties them to bending; the "
-                     f"first is among the lowest {system.LOWEST}")
-    if (plate.mesh_size_m or 0.0) > COARSER * mesh.default_mesh_size(plate):
-        lines.append(f"plate.mesh_size_m = {plate.mesh_size_m:g}: above {mesh.default_mesh_size(plate):.3g}, which "
-                     f"modes up to {highest_Hz:.4g} Hz need")
-    if mesh.choose_theory(plate) == "kirchhoff" and mesh.kirchhoff_error(plate) > mesh.SHEAR_ERROR_ALLOWED:
-        lines.append(f"plate.theory = 'kirchhoff': without shear the highest frequency is "
-                     f"{mesh.kirchhoff_error(plate):.2g} too high; 'auto' allows {mesh.SHEAR_ERROR_ALLOWED:g}")
-    if left_out > MOST_LEFT_OUT:
-        lines.append(f"plate.max_frequency_Hz = {highest_Hz:.4g}: {left_out:.2g} of the plate's energy belongs to "
-                     f"modes above it; at most {MOST_LEFT_OUT:g} leaves forces and motion right")
-    return lines + [line for number in range(len(plate.rods)) for line in _unknown_joint(plate, number)]
-
-
-def _unknown_joint(plate: FlexiblePlate, number: int) -> list[str]:
-    """A joint is that of a rod far from edges, and its table ends."""
-    rod, name, lines = plate.rods[number], f"plate.rods.{number}", []
-    to_edge = min(side / 2 - abs(x) for side, x in zip(plate.size_m, rod.place_m, strict=True))
-    if to_edge < rod.diameter_m:
-        lines.append(f"{name}: stands {to_edge:.2g} m from an edge, less than its diameter; its joint is that of a rod "
-                     "far from edges")
-    ratios = {"diameter_m": ("half of it over the plate's thickness", rod.diameter_m / 2 / plate.thickness_m),
-              "youngs_modulus_Pa": ("over the plate's it", rod.youngs_modulus_Pa / plate.youngs_modulus_Pa)}
-    for (key, (words, ratio)), (least, most) in zip(ratios.items(), joint_range(), strict=True):
-        if not 0.999 * least <= ratio <= 1.001 * most:
-            lines.append(f"{name}.{key} = {getattr(rod, key):g}: {words} is {ratio:.2g}; joints are known from "
-                         f"{least:.2g} to {most:.2g}, and the nearest is taken")
     return lines
 
 

@@ -70,13 +70,13 @@ class WeakContact:
 
 @dataclass(frozen=True)
 class StepLimits:
-    """The limits of the time step by name, as far as the plate's motion has no part in them, the stones, and the times
-    that they come from: t0 of the bonds, and the shortest contact of a sub-sphere and of a whole stone."""
+    """The limits of the time step by name, as far as the plate's motion has no part in them, the longest co-step that
+    resolves the contacts, the stones, t0 of the bonds, and the shortest contact of a whole stone."""
 
     limits_s: dict[str, float]
+    co_step_s: float
     stones: tuple[Stone, ...]
     bond_time_s: float | None
-    subsphere_contact_time_s: float
     stone_contact_time_s: float
     face_stiffness_N_m: float = 0.0  # of the stiffest face that could press
 
@@ -94,11 +94,13 @@ def step_limits(scene: Scene, assembly: Assembly, file: str) -> StepLimits:
         del limits["plate_contact"]  # the bonds carry the contact of an agglomerate
         if assembly.faces:
             limits["faces"] = face_fraction(assembly, scene.agglomerate.damping_ratio, least, bond_time) * bond_time
+    co_step = min(stone_contact / CO_STEPS_IN_CONTACT, contact / CO_STEPS_IN_FRAGMENT_CONTACT)
     if scene.tolerance is not None:
         setting, unit = ("contact", stone_contact) if bond_time is None else ("time_step", bond_time)
         limits["tolerance"] = setting_for(setting, scene.tolerance) * unit
+        co_step = min(co_step, setting_for(law_of("co_step", bond_time is not None), scene.tolerance) * stone_contact)
     _counted_steps(scene, _largest_step_s(scene, limits, file), scene.time.co_step or 1, file)
-    return StepLimits(limits, assembly.stones, bond_time, contact, stone_contact, stiffest_face_N_m(assembly))
+    return StepLimits(limits, co_step, assembly.stones, bond_time, stone_contact, stiffest_face_N_m(assembly))
 
 
 def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float | None = None) -> TimeStep:
@@ -111,12 +113,7 @@ def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float 
         mutual["coupling_faces"] = FACE_SHARE / np.sqrt(limits.face_stiffness_N_m * mobility_1_kg)
     limits_s = limits.limits_s | mutual
     wanted = _largest_step_s(scene, limits_s, file)
-    resolved = min(limits.stone_contact_time_s / CO_STEPS_IN_CONTACT,
-                   limits.subsphere_contact_time_s / CO_STEPS_IN_FRAGMENT_CONTACT)
-    if scene.tolerance is not None:
-        setting = setting_for(law_of("co_step", limits.bond_time_s is not None), scene.tolerance)
-        resolved = min(resolved, setting * limits.stone_contact_time_s)
-    co_step = _co_step(scene, wanted, resolved, mutual, file)
+    co_step = _co_step(scene, wanted, limits.co_step_s, mutual, file)
     sample_steps, steps = _counted_steps(scene, wanted, co_step, file)
     return TimeStep(
         dt_s=scene.time.sample_interval_s / sample_steps, limits_s=limits_s, bond_time_s=limits.bond_time_s,

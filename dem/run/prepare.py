@@ -13,20 +13,14 @@ from common.scene.error_laws import with_cut_off
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene, scene_hash
 from common.tables import InputError, refused_in
-from dem.deck.plausible import warnings_of, warnings_of_fragments, warnings_of_plate
-from dem.deck.time_step import (
-    TimeStep,
-    contact_time_of_any_s,
-    mobility_of_stones_1_kg,
-    step_limits,
-    stone_contact_time_s,
-    time_step,
-)
+from dem.deck.plausible import warnings_of, warnings_of_fragments
+from dem.deck.time_step import TimeStep, contact_time_of_any_s, mobility_of_stones_1_kg, step_limits, time_step
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
 from dem.stones.stone import Stone, entry_of, places_m
 from plate_fem.elements.mesh import highest_frequency_Hz
-from plate_fem.modes import PlateModes, energy_left_out, modes_for_loads
+from plate_fem.modes import PlateModes, modes_for_loads
+from plate_fem.plausible import energy_left_out, warnings_of_plate
 
 LATEST_ARRIVAL_s = 1e6  # up to which a number of DEM steps is exact
 
@@ -58,12 +52,17 @@ class PreparedRun:
     source: str  # the scene's file, for messages
     given: Scene  # as the file gives it
     scene: Scene  # with what the file left to be found filled in
-    scene_hash: str  # of the scene as the file gives it
     assembly: Assembly
     step: TimeStep
     modes: PlateModes | None
+    plate_energy_left_out: float | None  # share that would belong to modes above those kept
     stages: Stages
     warnings: list[str] = field(default_factory=list)  # dem/deck/plausible.py
+
+    @property
+    def scene_hash(self) -> str:
+        """Of the scene as the file gives it."""
+        return scene_hash(self.given)
 
     @property
     def flexible(self) -> bool:
@@ -124,14 +123,13 @@ def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool =
             assembly = assemble(scene, stones, cache, seek_modes)
     warnings += warned(source, warnings_of_fragments(scene, assembly))
     limits = step_limits(scene, assembly, source)
-    modes, mobility = None, None
+    modes, mobility, left_out = None, None, None
     if isinstance(resolved.plate, FlexiblePlate):
         with stages("modes"):
-            left_out = energy_left_out(highest_frequency_Hz(resolved.plate), stone_contact_time_s(assembly))
+            left_out = energy_left_out(highest_frequency_Hz(resolved.plate), limits.stone_contact_time_s)
             warnings += warned(source, warnings_of_plate(resolved.plate, left_out))
             with refused_in(source, "plate"):
                 modes = modes_for_loads(resolved.plate, cache, places_m(stones))
         mobility = mobility_of_stones_1_kg(modes, stones)
     step = time_step(scene, limits, source, mobility)
-    return PreparedRun(source, scene, resolved, scene_hash(scene), assembly, step, modes, stages,
-                       warnings)
+    return PreparedRun(source, scene, resolved, assembly, step, modes, left_out, stages, warnings)

@@ -17,13 +17,12 @@ from common.channels import DAMPING_IMPULSE, RODS_MOMENTUM, rod_column
 from common.files.parquet import Columns, write_parquet
 from common.run_summary import RecordedScene, YieldReport
 from common.scene.error_laws import expected_error
-from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from dem.coupling.launch import library_version
 from dem.deck.contact import read_contacts, yield_report
 from dem.deck.plausible import breakage_scales, deflection_warnings, momentum_warnings, unfinished_warnings
 from dem.deck.render import wall_file
-from dem.deck.time_step import TimeStep, accuracy_settings, stone_contact_time_s
+from dem.deck.time_step import TimeStep, accuracy_settings
 from dem.record.energy_balance import (
     StoneLedger,
     check_closure,
@@ -38,7 +37,6 @@ from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun, warned
 from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly
-from plate_fem.modes import energy_left_out
 from plate_fem.motion import FILE, RecordedMotion
 
 _log = logging.getLogger(__name__)
@@ -144,7 +142,7 @@ def _numerics(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dic
         "n_bonds": assembly.n_bonds,
         "n_modes": plate.n_modes,
         **breakage_scales(scene, assembly),
-        "plate_energy_left_out": plate_energy_left_out(scene, assembly),
+        "plate_energy_left_out": prepared.plate_energy_left_out,
         "n_samples": len(results.signals["t_s"]),
     }
 
@@ -192,13 +190,6 @@ def plate_momentum(prepared: PreparedRun, fast: Columns) -> dict[str, list[float
     return {"rod_impulse_N_s": impulse[-1].tolist(), "plate_momentum_kg_m_s": float(plate[-1]),
             RODS_MOMENTUM: float(fast[RODS_MOMENTUM][-1]), DAMPING_IMPULSE: float(fast[DAMPING_IMPULSE][-1]),
             "momentum_missing": float(missing / given[-1]) if given[-1] else 0.0}
-
-
-def plate_energy_left_out(scene: Scene, assembly: Assembly) -> float | None:
-    """Share of the plate's energy that would belong to modes above those kept, for the shortest contact of a stone."""
-    if not isinstance(scene.plate, FlexiblePlate) or scene.plate.max_frequency_Hz is None:
-        return None
-    return energy_left_out(scene.plate.max_frequency_Hz, stone_contact_time_s(assembly))
 
 
 def plate_maxima(fast: Columns) -> dict[str, float]:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from common.scene.scene import changed_scene
-from dem.deck.plausible import momentum_warnings, unfinished_warnings, warnings_of, warnings_of_plate
+from dem.deck.plausible import momentum_warnings, unfinished_warnings, warnings_of
 from dem.stones.arrangement import stones_of
+from plate_fem.plausible import warnings_of_plate
 from tests.robustness.small import SCENES, run
 
 
