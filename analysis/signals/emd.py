@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.signals.records import Record, RecordError, Signal, as_record
+from common.by_value import ByValue
 
 #: Stopping rules of the sifting, by name, with PyEMD's arguments for each.
 #: fixed_10: ten siftings for every IMF (Wu and Huang 2009), the fastest, whose cost is linear in the length.
@@ -29,8 +30,8 @@ PARABOLIC_UP_TO = 10_000
 MOST_IMFS = 12
 
 
-@dataclass(frozen=True)
-class Decomposition:
+@dataclass(frozen=True, eq=False)
+class Decomposition(ByValue):
     """The m IMFs (m, n) of a record, finest first, and the residue (n,), in the unit of the record.
 
     Their sum is the record.

@@ -29,7 +29,7 @@ _GRID = np.linspace(-ROOT_MARGIN, 1 + ROOT_MARGIN, 111)
 _BISECTIONS = 40  # 0.01 of ratio halved 40 times: 1e-14
 
 
-@dataclass
+@dataclass(eq=False)
 class FusionQ(RecordEstimator):
     """Q-polynomial recognition with equal weights, as in the paper; a method of recognition
     (`recognition.estimation.method`).

@@ -33,7 +33,7 @@ from recognition.regression.ratio_law import DISTANCES, RatioLaw, fit_law
 from recognition.sensors.channel_check import samples_before_impact
 
 
-@dataclass
+@dataclass(eq=False)
 class FeatureRegression(RecordEstimator):
     """A Gaussian process on one of FEATURES, of samples or sensors, taken of all accelerometers from the impact on; X
     has the shape (runs, copies, p).

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression
 from sklearn.model_selection import GridSearchCV, LeaveOneOut, cross_val_predict, cross_val_score
 from sklearn.utils.estimator_checks import check_estimator
@@ -47,6 +48,16 @@ def test_scikit_learns_own_checks(kind):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what it leaves out: three dimensions
         check_estimator(MADE[kind]())
+
+
+@pytest.mark.parametrize("use", [
+    lambda: FusionQ().predict(np.ones((2, 1, 8))), lambda: FusionPipeline().answer(np.ones((2, 1, 3, 9))),
+    lambda: FeatureRegression("rms").answer(np.ones((2, 1, 4))), lambda: Fusion().transform(np.ones((3, 9))),
+    lambda: Strategy().predict(np.ones(9)), lambda: FusionQ().summary()])
+def test_what_was_not_fitted_says_so(use):
+    with pytest.raises(NotFittedError, match="is not fitted yet; call fit first"):
+        use()
+    assert Fusion() != Fusion() and not hasattr(FusionQ(), "nothing")
 
 
 @pytest.mark.slow
