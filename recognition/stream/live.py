@@ -73,8 +73,9 @@ def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Kno
     order = [names.index(name) for name in columns]
     factor = np.array([[float(ones[k].iloc[0])] for k in order])
     recorded_Hz = RATE_Hz if abs(source.rate_Hz / RATE_Hz - 1) < RATE_SHARE else round(source.rate_Hz)
-    clock = recorded_Hz / source.rate_Hz
     resampler = Resampler(recorded_Hz, RATE_Hz, len(order), source.name)
+    recorded_Hz = RATE_Hz * resampler.down / resampler.up
+    clock = recorded_Hz / source.rate_Hz
     if GLIBC is not None:
         GLIBC.mallopt(*ONE_HEAP)
     live = Live(Ear(plate, channels, prior, quiet_s, recorded_Hz), prior, known, stop, window)
