@@ -93,7 +93,8 @@ CHANNELS = {".wav": read_wav, ".flac": read_flac, ".uff": read_uff, ".unv": read
 ARRAYS = {".mat": read_matlab, ".h5": read_hdf5, ".hdf5": read_hdf5, ".lvm": read_lvm, ".tdms": read_tdms}
 ENDINGS = (*TABLES, *CHANNELS, *ARRAYS)
 # What such a column is called elsewhere, without the unit that follows in brackets.
-TIME_WORDS = (*TIME_COLUMNS, "second", "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время", "时间", "時間")
+TIME_WORDS = (*TIME_COLUMNS, "second", "seconds", "sec", "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время",
+              "时间", "時間")
 
 
 def read_record(path: str | Path, *, column: str | None = None, rate_Hz: float | None = None, scale: float = 1.0,

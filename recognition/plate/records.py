@@ -17,7 +17,7 @@ from analysis.signals.records import (
     sample_rate_Hz,
 )
 from analysis.signals.resampling import resample
-from common.channels import name_and_unit, sensor_column, unit_of
+from common.channels import name_and_unit, plain_unit, sensor_column, unit_of
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.window import LEAST_SHARE
@@ -38,16 +38,19 @@ def record_table(path: str | Path, scale: float = 1.0, unit: str | None = None) 
     read."""
     path = Path(path)
     source = str(path / "signals.parquet" if path.is_dir() else path)
-    refuse_unit(source, scale, unit)
+    unit = known_unit(source, scale, unit)
     table = read_signals(path)
     return pd.concat([table[[]], *(acceleration(table[name], scale, unit) for name in table)], axis=1), source
 
 
-def refuse_unit(source: str, scale: float, unit: str | None) -> None:
-    """RecordError for a unit that is none of accelerations, and a scale that is no factor."""
-    if unit is not None and unit not in M_S2:
+def known_unit(source: str, scale: float, unit: str | None) -> str | None:
+    """A unit in the spelling of M_S2. RecordError for one that is none of accelerations, and a scale that is no
+    factor."""
+    found = plain_unit(unit) if isinstance(unit, str) else unit
+    if found is not None and found not in list(M_S2):
         raise RecordError(f"{source}: unit = {unit!r}; must be one of {', '.join(M_S2)}")
-    refuse_scale(source, scale, unit)
+    refuse_scale(source, scale, found)
+    return found
 
 
 def acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Series:

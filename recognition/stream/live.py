@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from analysis.signals.records import RecordError
 from analysis.signals.resampling import Resampler
 from common.result import Result, plain
 from recognition.estimation.arrays import Floats
@@ -20,7 +21,7 @@ from recognition.innovations.bank import TIME
 from recognition.innovations.prior import StonePrior
 from recognition.innovations.signatures import LEAD
 from recognition.plate.plate_model import PlateModel
-from recognition.plate.records import acceleration, refuse_unit
+from recognition.plate.records import acceleration, known_unit
 from recognition.stream.decision import Judge, Judged, Stop
 from recognition.stream.listen import PART, PARTS, Heard
 from recognition.stream.recognise import LEAST_DOUBT, RATE_SHARE, Ear, RATE_Hz, sensors_of
@@ -65,10 +66,11 @@ class Window:
 def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Known, stop: Stop | None, window: Window,
                 quiet_s: float, scale: float, unit: str | None, watch: bool = False) -> LiveResult:
     """Tell what is heard until no more comes, in JSON or, to `watch`, drawn. Raises RecordError, RecognitionError."""
-    unit = source.unit if unit is None else unit
-    refuse_unit(source.name, scale, unit)
+    unit = known_unit(source.name, scale, source.unit if unit is None else unit)
     ones = [acceleration(pd.Series([1.0], name=name), scale, unit) for name in source.channels]
     names = [str(one.name) for one in ones]
+    if len(set(names)) < len(names):
+        raise RecordError(f"{source.name}: channels = {source.channels}; must be different sensors")
     channels, columns = sensors_of(names, source.rate_Hz, plate, source.name)
     order = [names.index(name) for name in columns]
     factor = np.array([[float(ones[k].iloc[0])] for k in order])

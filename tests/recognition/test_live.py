@@ -195,6 +195,9 @@ HEADER = {"rate_Hz": 20000, "channels": ["acc_north_m_s2"]}
     (sent(np.zeros((1, 9)), HEADER | {"channels": ["x", "x"]}), (), "must be a list of different names"),
     (sent(np.zeros((1, 9)), HEADER | {"channels": ["attic"]}), (), "at least one of acc_north_m_s2"),
     (sent(np.zeros((1, 9)), HEADER | {"unit": "volt"}), (), "unit = 'volt'; must be one of"),
+    (sent(np.zeros((1, 9)), HEADER | {"unit": ["g"]}), (), "unit = ['g']; must be one of"),
+    (sent(np.zeros((2, 9)), HEADER | {"channels": ["north", "acc_north_m_s2"], "unit": "g"}), (), "must be different sensors"),
+    (sent(np.zeros((1, 9)), HEADER | {"unit": "m/s²"}), (), "--silence 0.04: must be from"),
     (sent(np.r_[np.zeros(500), np.nan][None], HEADER), (), "acc_north_m_s2 at 0.025 s: every sample must be finite"),
     (sent(np.zeros((1, 9)), HEADER)[:-1], (), "ends within a frame, 3 of 4 bytes"),
     (sent(np.zeros((1, 9)), HEADER), (), "--silence 0.04: must be from 0.02 s to the length of the record"),
@@ -204,6 +207,19 @@ HEADER = {"rate_Hz": 20000, "channels": ["acc_north_m_s2"]}
 def test_what_cannot_be_samples_ends_in_one_line(few_modes, capsys, content, options, said):
     code, events, told = piped(capsys, few_modes, content, *options)
     assert code == 2 and said in told and told.count("\n") == 1 and not events
+
+
+def test_a_socket_may_have_an_address_of_ipv6(few_modes, capsys):
+    try:
+        server = socket.create_server(("::1", 0), family=socket.AF_INET6)
+    except OSError:
+        pytest.skip("no IPv6 here")
+    thread = threading.Thread(target=lambda: server.accept()[0].close())
+    thread.start()
+    code, _, told = listened(capsys, few_modes, f"tcp://[::1]:{server.getsockname()[1]}")
+    thread.join()
+    server.close()
+    assert code == 2 and "must begin with a line of JSON" in told
 
 
 def test_a_socket_that_nobody_opened_ends_in_one_line(few_modes, capsys):
