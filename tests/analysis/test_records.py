@@ -214,7 +214,8 @@ def test_a_unit_and_a_name_count_for_a_record_too():
     assert (record.unit, record.name) == ("g", "new")
 
 
-@pytest.mark.parametrize("name", ["t_ms", "Time_ms", "Zeit [msec]", "time (mseconds)", "t [us]", "t [ns]", "Seconds", "t (Sec)"])
+@pytest.mark.parametrize("name", [
+    "t_ms", "Time_ms", "Zeit [msec]", "time (mseconds)", "t [us]", "t [ns]", "Seconds", "t (Sec)"])
 def test_times_are_found_with_the_unit_behind_their_name(tmp_path, name):
     per_s = {"us": 1e6, "ns": 1e9}.get(name[-3:-1], 1e3 if "m" in name else 1.0)
     pd.DataFrame({name: np.arange(9) * per_s / 2000, "acc": np.arange(9.0)}).to_csv(tmp_path / "x.csv", index=False)
