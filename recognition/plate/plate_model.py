@@ -152,8 +152,8 @@ class PlateModel(ByValue):
 
     def _modal_force(self, force_N: Floats, places_m: Floats) -> Floats:
         places, force = (np.atleast_2d(finite(*given, 1)) for given in (("places_m", places_m), ("force_N", force_N)))
-        if len(places) != len(force):
-            raise RecognitionError(f"{len(force)} forces for {len(places)} places; needs one each")
+        if places.shape != (len(force), 2):
+            raise RecognitionError(f"{len(force)} forces for places of shape {places.shape}; needs (x, y) of each")
         return np.asarray(-self.shape(places[:, 0], places[:, 1]).T @ force, float)
 
     def save(self, file: str | Path) -> None:
