@@ -220,10 +220,12 @@ class Live:
         """All that are due, none where stones do not explain what is heard."""
         while (t_s := (self.steps + 1) * self.window.step_s) <= self.t_s:
             self.steps += 1
-            if self.reason or not self.stones:
+            if not self.stones:
                 continue
             stones = pd.concat(self.stones)
             self.stones = [stones[stones["t_s"] > t_s - self.window.window_s]]
+            if self.reason:
+                continue
             inside = self.stones[0][self.stones[0]["t_s"] <= t_s]
             values = [value for one in ratios_of(inside) for value in one]
             yield {"event": "ratio", "t_s": t_s, "stones": len(inside), **dict(zip(NAMES, values, strict=True))}

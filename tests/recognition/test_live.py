@@ -4,6 +4,7 @@ import json
 import os
 import socket
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,7 @@ from lab.known_truth.machine_noise import noise
 from lab.known_truth.simulated import draw_stones, stream_of
 from recognition.__main__ import main
 from recognition.innovations.prior import StonePrior
+from recognition.innovations.signatures import LEAD
 from recognition.stone_forces.forces import save_forces
 from recognition.stream.listen import Sums
 from recognition.stream.live import Live, Window, watched
@@ -287,3 +289,11 @@ def test_silence_tells_no_gain_and_leaves_nothing_unexplained():
     quiet = np.random.default_rng(1).standard_normal((2, 20_000))
     sums = Sums.of(quiet, quiet)
     assert sums.gain.tolist() == [1.0, 1.0] and sums.unexplained == 0.0
+
+
+def test_stones_that_have_left_the_window_are_forgotten_while_nothing_is_explained():
+    live = object.__new__(Live)
+    live.ear = SimpleNamespace(listens=True, listener=SimpleNamespace(at=round(9.05 * RATE_Hz) + LEAD))
+    live.window, live.steps, live.reason = Window(1.0, 0.1), 0, "another plate"
+    live.stones = [pd.DataFrame({"t_s": [t_s]}) for t_s in np.arange(90) / 10]
+    assert not list(live._ratios()) and sum(map(len, live.stones)) <= 11
