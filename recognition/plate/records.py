@@ -24,6 +24,7 @@ from recognition.estimation.window import LEAST_SHARE
 from recognition.plate.plate_model import PlateModel
 
 M_S2 = {"m/s^2": 1.0, "mm/s^2": 1e-3, "g": 9.80665}
+FORCE_N = {"N": 1.0, "kN": 1e3}
 ACCELERATION = re.compile(r"acc_\w+_m_s2")
 MOST = 1e30  # of a sample in its unit
 LEAST_SAMPLES = 64  # the filters need a run-up
@@ -34,8 +35,8 @@ def record_table(path: str | Path, scale: float = 1.0, unit: str | None = None) 
     """The table of a run directory or of a file, and which file that is.
 
     Accelerations are `acc_NAME_m_s2` there. A column `NAME` or `acc_NAME` becomes that where its unit is one of
-    M_S2: that in brackets behind its name, or `unit` of all samples after `scale`. RecordError for what cannot be
-    read."""
+    M_S2: that in brackets behind its name, or `unit` of all samples after `scale`; `force` in one of FORCE_N becomes
+    force_N. RecordError for what cannot be read."""
     path = Path(path)
     source = str(path / "signals.parquet" if path.is_dir() else path)
     unit = known_unit(source, scale, unit)
@@ -54,8 +55,11 @@ def known_unit(source: str, scale: float, unit: str | None) -> str | None:
 
 
 def acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Series:
-    """A column of accelerations in m/s^2 under its name, NaN where it holds no number; any other as it is."""
+    """A column of accelerations in m/s^2, or of the force in N, under its name, NaN where it holds no number; any other
+    as it is."""
     name, own = name_and_unit(str(column.name))
+    if name.lower() == "force" and own in FORCE_N:
+        return pd.to_numeric(column, errors="coerce").rename("force_N") * FORCE_N[own]
     if ACCELERATION.fullmatch(name):
         own = "m/s^2"
     elif unit_of(name) != "1" or own not in (None, *RAW, *M_S2) or (unit or own) not in M_S2:

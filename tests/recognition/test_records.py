@@ -28,6 +28,12 @@ def test_units_and_names(tmp_path, name, scale, unit, factor):
     np.testing.assert_allclose(table["t_s"], T_s, rtol=1e-12)
 
 
+@pytest.mark.parametrize("name, factor", [("Force [kN]", 1e3), ("force (N)", 1.0)])
+def test_a_force_has_any_unit(tmp_path, name, factor):
+    pd.DataFrame({"t_s": T_s, name: X}).to_csv(tmp_path / "a.csv", index=False)
+    np.testing.assert_allclose(record_table(tmp_path / "a.csv", 9.81, "g")[0]["force_N"], factor * X, rtol=1e-12)
+
+
 def test_a_column_without_a_unit_is_left_alone_and_another_unit_is_refused(tmp_path):
     pd.DataFrame({"t_s": T_s, "A": X}).to_csv(tmp_path / "a.csv", index=False)
     assert list(record_table(tmp_path / "a.csv")[0]) == ["t_s", "A"]
@@ -117,4 +123,4 @@ def test_what_is_no_acceleration_becomes_none_and_another_unit_needs_a_scale(tmp
     with pytest.raises(RecordError, match="B: unit = 'm/s.2'; samples are in 'g'"):
         record_table(tmp_path / "x.csv", 1.0, "m/s^2")
     found = record_table(tmp_path / "x.csv", 2.0, "m/s^2")[0]
-    assert list(found) == ["t_s", "Force [N]", "acc_A_m_s2", "acc_B_m_s2"] and found["acc_A_m_s2"][0] == 4.0
+    assert list(found) == ["t_s", "force_N", "acc_A_m_s2", "acc_B_m_s2"] and found["acc_A_m_s2"][0] == 4.0
