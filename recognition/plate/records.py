@@ -113,6 +113,7 @@ def numbers(table: pd.DataFrame, name: str, source: object) -> Floats:
         raise RecordError(f"{source}: {name}: is there {values.shape[1]} times; must be there once")
     if values.size < LEAST_SAMPLES:
         raise RecordError(f"{source}: {name}: {values.size} samples; needs at least {LEAST_SAMPLES}")
-    if not (abs(values) <= MOST).all():  # of which squares and products are still numbers
-        raise RecordError(f"{source}: {name}: every sample must be finite, and at most {MOST:g}")
+    if not (usable := abs(values) <= MOST).all():  # of which squares and products are still numbers
+        raise RecordError(f"{source}: {name}: sample {usable.argmin()} is {values[usable.argmin()]:g}; every sample must "
+                          f"be finite, and at most {MOST:g}")
     return values

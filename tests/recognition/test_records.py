@@ -47,7 +47,7 @@ def test_text_among_samples_is_refused_and_a_column_of_text_passed_over(tmp_path
     text = [*X[:5].astype(str), "oops", *X[6:].astype(str)]
     pd.DataFrame({"t_s": T_s, name: text, "note": "dry"}).to_csv(tmp_path / "a.csv", index=False)
     table, source = record_table(tmp_path / "a.csv", 2.0, "g")
-    with pytest.raises(RecordError, match="acc_A_m_s2: every sample must be finite"):
+    with pytest.raises(RecordError, match="acc_A_m_s2: sample 5 is nan; every sample must be finite"):
         numbers(table, "acc_A_m_s2", source)
     table[[]].to_parquet(tmp_path / "none.parquet")
     assert record_table(tmp_path / "none.parquet", 2.0, "g")[0].empty
