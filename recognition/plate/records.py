@@ -114,6 +114,7 @@ def numbers(table: pd.DataFrame, name: str, source: object) -> Floats:
     if values.size < LEAST_SAMPLES:
         raise RecordError(f"{source}: {name}: {values.size} samples; needs at least {LEAST_SAMPLES}")
     if not (usable := abs(values) <= MOST).all():  # of which squares and products are still numbers
-        raise RecordError(f"{source}: {name}: sample {usable.argmin()} is {values[usable.argmin()]:g}; every sample must "
-                          f"be finite, and at most {MOST:g}")
+        first = int(usable.argmin())
+        raise RecordError(f"{source}: {name}: sample {first} is {values[first]:g}; every sample must be finite, and at "
+                          f"most {MOST:g}")
     return values
