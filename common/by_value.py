@@ -1,6 +1,7 @@
-"""Dataclasses with arrays, which compare by their values."""
+"""Dataclasses with arrays or tables, which compare by their values."""
 
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 
@@ -12,4 +13,8 @@ class ByValue:
 
     def __eq__(self, other: object) -> bool:
         return type(other) is type(self) and all(
-            np.array_equal(getattr(self, one.name), getattr(other, one.name)) for one in fields(self))  # type: ignore[arg-type]
+            _same(getattr(self, one.name), getattr(other, one.name)) for one in fields(self))  # type: ignore[arg-type]
+
+
+def _same(one: Any, other: Any) -> bool:
+    return bool(one.equals(other) if hasattr(one, "equals") else np.array_equal(one, other))

@@ -177,8 +177,11 @@ class MinMaxByTrend:
         return self
 
     def transform(self, x: Floats) -> Floats:
-        """Standardised parameters, shape (n, p) as given."""
-        rising = (np.asarray(x, dtype=float) - self.minimum) / (self.maximum - self.minimum)
+        """Standardised parameters, shape (n, p) as given. RecognitionError for another number of them."""
+        x = np.asarray(x, dtype=float)
+        if x.shape[-1:] != self.minimum.shape:
+            raise RecognitionError(f"{x.shape[-1]} features; the model has {self.minimum.size}")
+        rising = (x - self.minimum) / (self.maximum - self.minimum)
         return np.where(self.direction > 0, rising, 1.0 - rising)
 
 

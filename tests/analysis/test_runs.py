@@ -20,6 +20,13 @@ def test_runs_come_in_order_with_what_is_missing(sweep_path):
     assert sweep.runs[1].materials.count("gangue") == 5
 
 
+def test_runs_compare_by_what_they_hold(sweep_path):
+    sweep, again = read_sweep(sweep_path), read_sweep(sweep_path)
+    assert sweep == again and again.runs.index(read_run(sweep_path / "ratio_050")) == 1
+    again.runs[1].signals.iloc[7, 1] = 3.0
+    assert sweep != again and sweep.runs[0] != sweep.runs[1]
+
+
 def test_peaks_come_from_the_fast_stream(sweep_path):
     run = read_sweep(sweep_path).runs[0]
     assert run.peak("force_N") == pytest.approx(10 * 2812.0, rel=1e-3)
