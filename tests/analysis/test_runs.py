@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ def test_runs_come_in_order_with_what_is_missing(sweep_path):
 def test_runs_compare_by_what_they_hold(sweep_path):
     sweep, again = read_sweep(sweep_path), read_sweep(sweep_path)
     assert sweep == again and again.runs.index(read_run(sweep_path / "ratio_050")) == 1
-    again.runs[1].signals.iloc[7, 1] = 3.0
+    again.runs[1] = replace(sweep.runs[1], signals=sweep.runs[1].signals + 1.0)
     assert sweep != again and sweep.runs[0] != sweep.runs[1]
 
 
