@@ -27,6 +27,20 @@ def test_bad_input_is_refused(tmp_path, monkeypatch, capsys, options, said):
     assert [p.name for p in tmp_path.iterdir()] == ["mine.json"]
 
 
+@pytest.mark.slow
+def test_the_law_of_a_tilted_plate_is_of_speeds_across_it(tmp_path):
+    """Elastic spheres on a rigid plate give it 2 m v, v being across."""
+    (tmp_path / "tilted.toml").write_text('name = "tilted"\nplate.tilt_deg = 60.0\nbase = "'
+                                          f'{resource("scenes") / "hertz_coal.toml"}"\n')
+    out = tmp_path / "law.json"
+    assert main(["learn-forces", str(tmp_path / "tilted.toml"), "--out", str(out), *LIMITS, "--stones", "16"]) == 0
+    law = load_forces(out)
+    for material, density in enumerate((1380.0, 2400.0)):
+        momentum = 4 / 3 * np.pi * 0.025**3 * density * 3.0
+        impulse = np.exp(law.mean(material, np.array(0.025), np.array(3.0))[2])
+        assert impulse == pytest.approx(2 * momentum, rel=1e-3)
+
+
 @pytest.mark.validate
 def test_law_of_a_rock_of_ones_own(tmp_path):
     """Sixteen coarse stones of a coal half as dense: the impulse of a stone is between m v and 2 m v, with the density

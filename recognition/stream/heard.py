@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
+from analysis.signals.resampling import rate_ratio
 from common.files.output_directory import at_work_in
 from common.files.parquet import write_parquet
 from common.files.whole import written_whole
@@ -135,8 +136,9 @@ def _of_record(record: str, out: Path, tapped: PlateModel, prior: StonePrior, kn
     if values.shape[1] / RATE_Hz > MOST_RATIOS * window.step_s:
         raise RecognitionError(f"--step {window.step_s:g}: leads to more than {MOST_RATIOS} ratios; must be longer")
     found = recognise_stream(tapped, channels, prior, values, quiet_s, known, stop)
-    begin_s, end_s, taken_s = *map(float, table["t_s"].iloc[[0, -1]]), (values.shape[1] - 1) / RATE_Hz
-    clock = (end_s - begin_s) / taken_s if len(table) == values.shape[1] else 1.0  # of a record that is not resampled
+    begin_s, end_s = map(float, table["t_s"].iloc[[0, -1]])
+    rate_Hz = (len(table) - 1) / (end_s - begin_s)
+    clock = RATE_Hz / rate_Hz / (1 if len(table) == values.shape[1] else rate_ratio(round(rate_Hz), RATE_Hz))
     found = replace(found, stones=found.stones.assign(t_s=clock * found.stones["t_s"]))
     files = out / "stones.parquet", out / "ratio.parquet"
     with at_work_in(out, KIND):
