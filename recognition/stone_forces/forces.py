@@ -40,7 +40,9 @@ SPEEDS_M_S = np.geomspace(1.5, 6.0, 25)  # of the share that breaks; between the
 #: fall on a slope, break at another speed.
 ALIKE = 0.25
 REFERENCE_m = 0.025  # radius at which a is told
-LOST = 0.05  # of log J, by which a stone that broke is below the median of its material
+#: Of log J, by which a stone that broke is below the median of its material: by so much, and by so many times what 84 %
+#: of the stones are at most above it, since stones that differ are below it as well.
+LOST, LOST_SD = 0.05, 2.0
 LEAST_BROKEN = 4  # histories; of fewer no law is made, and no stone is taken to break
 FORMAT = "stone forces 5"
 #: Of the rock of scenes/single.toml: the stones of the set "learnt" of lab/streams/stone_forces.py.
@@ -117,7 +119,9 @@ class StoneForces:
         size = np.log([h.radius_m / REFERENCE_m for h in histories])
         broke = np.zeros(len(rows), dtype=bool)
         for chosen in (~gangue, gangue):
-            broke[chosen] = rows[chosen, 2] < np.median(rows[chosen, 2]) - LOST if chosen.any() else False
+            if chosen.any():
+                middle, above = np.quantile(rows[chosen, 2], [0.5, 0.84])
+                broke[chosen] = rows[chosen, 2] < middle - max(LOST, LOST_SD * (above - middle))
         if broke.sum() < LEAST_BROKEN:
             broke[:] = False
         fits = [_whole(rows[chosen & ~broke], size[chosen & ~broke]) for chosen in (~gangue, gangue)]
