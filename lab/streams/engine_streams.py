@@ -138,12 +138,12 @@ def plate_of(kind: str, out: Path) -> PlateModel:
 
 
 @cache
-def known_of(kind: str, number: int, out: Path) -> tuple[tuple[list[Heard], int], ...]:
+def known_of(kind: str, number: int, out: Path) -> tuple[tuple[list[Heard], int, bool], ...]:
     found = []
     for gangue in (0, 1):
         directory = simulated(known_scene(kind, number, gangue), f"{kind}_{number}_known_{gangue}", out)
         channels, values = record_of(kind, directory, out)
-        found.append((hear(plate_of(kind, out), channels, prior_of(kind), values, QUIET_S).heard, gangue))
+        found.append((hear(plate_of(kind, out), channels, prior_of(kind), values, QUIET_S).heard, gangue, False))
     return tuple(found)
 
 
@@ -156,7 +156,7 @@ def recognised(kind: str, number: int, known: bool, out: Path) -> Recognised:
     directory = simulated(scenes_of(kind)[number], f"{kind}_{number}", out)
     channels, values = record_of(kind, directory, out)
     return recognise_stream(plate_of(kind, out), channels, prior_of(kind), values,
-                            known=Known(dropped=known_of(kind, number, out)) if known else UNKNOWN_ALL)
+                            known=Known(others=known_of(kind, number, out)) if known else UNKNOWN_ALL)
 
 
 def heard(kind: str, number: int, known: bool, out: Path) -> dict[str, object]:
