@@ -31,8 +31,8 @@ from recognition.stream.stones import Known, learnt_table, ratio_of
 PLAN, STONES, RATE_1_s, FORCE_s = Path("scenes/dataset.toml"), 100, 50.0, 3e-3
 HELD_OUT = ("held_out", "one_fall", "any_fall")
 STREAMS, NEXT = 17, 4  # which have 176 volleys; streams of which known stones are
-KNOWN = {"none": (0, 0, True), "15 coal first": (15, 0, True), "50 coal first": (50, 0, True),
-         **{f"{n} + {n} {how}": (n, n, how == "alike") for how in ("dropped", "alike") for n in (10, 30, 100)}}
+DROPPED, ALIKE = "dropped", "alike"  # coal first is alike
+KNOWN = ((0, 0, "none"), (15, 0, ALIKE), (50, 0, ALIKE), *((n, n, how) for how in (DROPPED, ALIKE) for n in (10, 30, 100)))
 
 
 @cache
@@ -72,10 +72,10 @@ def natural_streams(out: Path, streams: int = STREAMS) -> Iterator[Row]:
         record = stream_of(true_plate("1"), ALL, every, truth, RATE_Hz, 20.0, rng)
         return Listened(hear(tapped("1", out), ALL, prior, record.values, QUIET_S), truth)
 
-    def answered(known: str, seed: int) -> dict[str, object]:
-        *counts, alike = KNOWN[known]
-        following = [listened((seed + 1 + k) % streams) for k in range(NEXT)] if any(counts) else []
-        others = [([h for one in following for h in one.of(m)][:count], m, alike) for m, count in enumerate(counts)]
+    def answered(coal: int, gangue: int, known: str, seed: int) -> dict[str, object]:
+        following = [listened((seed + 1 + k) % streams) for k in range(NEXT)] if coal else []
+        others = [([h for one in following for h in one.of(m)][:count], m, known == ALIKE)
+                  for m, count in enumerate((coal, gangue))]
         own = listened(seed)
         drawn, _, _ = learnt_table(own.hearing.heard, own.hearing.prior, prior, Known(others=others), RATE_Hz, LEAST_DOUBT)
         row: dict[str, object] = {}
@@ -94,15 +94,15 @@ def natural_streams(out: Path, streams: int = STREAMS) -> Iterator[Row]:
         own = table.index // STONES == seed
         return Oracle().fit([table[~own]], np.empty(0)).answer([table[own]])[0].ratio
 
-    for known, seed in product(KNOWN, range(streams)):
-        yield Row({"known": known, "seed": seed}, partial(answered, known, seed))
+    for (coal, gangue, known), seed in product(KNOWN, range(streams)):
+        yield Row({"known": known, "coal": coal, "gangue": gangue, "seed": seed}, partial(answered, coal, gangue, known, seed))
 
 
 def natural_streams_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
     """Errors in points; number_sd: standard deviation of the mean."""
     found = []
-    for known, of in rows.groupby("known", sort=False):
-        told: dict[str, object] = {"known": known, "streams": len(of)}
+    for (known, coal, gangue), of in rows.groupby(["known", "coal", "gangue"], sort=False):
+        told: dict[str, object] = {"known": known, "coal": coal, "gangue": gangue, "streams": len(of)}
         for name in ("number", "mass", "oracle"):
             size = of[f"{name}_error"].abs()
             told |= {f"{name}_mean": size.mean(), f"{name}_sd": size.sem(), f"{name}_worst": size.max()}
