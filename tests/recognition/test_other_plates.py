@@ -118,6 +118,17 @@ def test_whole_stones_that_vary_are_not_taken_to_break():
     assert varied[0] == pytest.approx(same[0], abs=0.2)
 
 
+def test_few_stones_that_broke_are_not_among_the_whole_ones():
+    """One of them tells no law of those that break, and widens none of those that do not."""
+    whole = [one for one in histories("learnt") if one.speed_m_s < 2.6]
+    without = StoneForces.fit(whole)
+    one = next(h for h in whole if not h.gangue)
+    broken = replace(one, force_N=one.force_N * np.where(np.arange(len(one.force_N)) < 8, 0.5, 0.1))
+    found = StoneForces.fit([*whole, broken])
+    assert not found.broken_share.any()
+    assert found.scatter[0] == pytest.approx(without.scatter[0], abs=0.01)
+
+
 
 def test_hertz_pulse_is_that_of_a_sphere():
     """Peak of an elastic sphere of coal at 3 m/s on a rigid plate, docs/validation.md: 4261.6 N
