@@ -118,8 +118,8 @@ def listen(record: str, plate: str, radius_m: tuple[float, float], speed_m_s: tu
     if watch and not live:
         raise RecognitionError("--watch: is for what comes live")
     try:
-        drops = () if known_file is None else read_known(known_file, tapped, prior, scale, unit)
-        known = Known(coal_first, drops)
+        others = () if known_file is None else read_known(known_file, tapped, prior, scale, unit)
+        known = Known(coal_first, others)
         if out is None:
             source = Source(record, follow)
             window = Window(window_s, step_s)
@@ -180,6 +180,7 @@ class KnownTable(Table):
     record: Annotated[str, about("beside this file, as `listen` takes it")]
     kind: Annotated[Literal["coal", "gangue"], about("of all stones of the record")]
     silence_s: Annotated[float, Field(ge=QUIET_S, le=1e3), about("beginning without stones")] = QUIET_S
+    alike: Annotated[bool, about("whether they fall as the unknown ones do, from where those come")] = False
 
 
 class KnownFile(Table):
@@ -189,12 +190,12 @@ class KnownFile(Table):
 
 
 def read_known(path: str | Path, plate: PlateModel, prior: StonePrior, scale: float,
-               unit: str | None) -> Sequence[tuple[Sequence[Heard], int]]:
-    """The stones of each record that a file names, and their material. Raises InputError for the file, RecordError or
-    RecognitionError for a record."""
+               unit: str | None) -> Sequence[tuple[Sequence[Heard], int, bool]]:
+    """The stones of each record that a file names, their material and whether they are alike. Raises InputError for the
+    file, RecordError or RecognitionError for a record."""
     content: KnownFile = check(KnownFile, read_toml(path), path)
-    return [(_stones(Path(path).parent / one.record, one, plate, prior, scale, unit), MATERIALS.index(one.kind))
-            for one in content.known]
+    return [(_stones(Path(path).parent / one.record, one, plate, prior, scale, unit), MATERIALS.index(one.kind),
+             one.alike) for one in content.known]
 
 
 def _stones(file: Path, one: KnownTable, plate: PlateModel, prior: StonePrior, scale: float,

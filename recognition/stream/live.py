@@ -182,10 +182,7 @@ class Live:
         coal = self.known.coal_first - len(self.coal) if self.judge is None else 0
         self.coal, unknown = self.coal + own[:coal], own[coal:]
         if self.judge is None and (unknown or ended):
-            drops = [(h, m) for stones, m in self.known.dropped for h in first_touches(stones)]
-            every = [*self.coal, *(h for h, _ in drops)]
-            material = np.r_[np.zeros(len(self.coal), dtype=int), np.array([m for _, m in drops], dtype=int)]
-            told = told_of(every, self.ear.prior, material, np.arange(len(every)) >= len(self.coal))
+            _, told = self.known.beside(self.coal, self.ear.prior)
             self.judge = Judge(told, self.prior, self.stop, LEAST_DOUBT)
         if self.judge is None:
             return
