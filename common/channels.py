@@ -62,7 +62,7 @@ def force_column(number: int) -> str:
 
 def plain_unit(text: str) -> str:
     """A unit in the spelling of this project: m/s^2 for [m/s²]."""
-    text = re.sub("sec(onds?|s)?(?![a-z])", "s", text)
+    text = re.sub("(?i)sec(onds?|s)?(?![a-z])", "s", text)
     for old, new in (("²", "^2"), ("s2", "s^2"), ("**2", "^2"), ("\u00b5", "u"), ("\u03bc", "u")):
         text = text.replace(old, new)
     return text.strip().strip("[]()").strip()

@@ -24,6 +24,7 @@ DURATION_s = 2.5e-3  # of a run, and kept of the force: the stone has left
 INNER = 0.72  # of the half sides of the plate: stones fall within
 FIRST_SEED = 30011
 LEAST = 16  # stones, by which no law was ever fitted
+AT_ONCE: dict[str, Any] = {"scatter.arrival_s": None, "scatter.place_m": None}  # whatever a stone has of its own
 
 
 @dataclass(frozen=True)
@@ -44,10 +45,10 @@ class LearntForces(Result):
 
 def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], speed_m_s: tuple[float, float],
                  stones: int = 48, jobs: int = 2) -> LearntForces:
-    """Simulate single stones of a scene's coal and gangue, which fall anywhere on its plate with radii and speeds
-    between limits, and write the law of their forces to `out` (.json). The runs stay in a directory of its name beside
-    it, and are not made again. Raises InputError or RecognitionError for bad input, Busy where another process is
-    there."""
+    """Simulate single stones of a scene's coal and gangue, which fall anywhere on its plate with radii, and speeds
+    across it, between limits, and write the law of their forces to `out` (.json). The runs stay in a directory of its
+    name beside it, and are not made again. Raises InputError or RecognitionError for bad input, Busy where another
+    process is there."""
     refuse_file(str(out), is_sealed_as(FORMAT), ".json")
     if not LEAST <= stones <= 10_000:
         raise InputError(f"--stones {stones}: must be from {LEAST} to 10000")
@@ -55,8 +56,9 @@ def learn_forces(scene_file: Path, out: Path, radius_m: tuple[float, float], spe
     check_engine()
     plate = read_plate(scene_file)
     places = INNER / 2 * np.array(plate.size_m)
-    scenes = [changed_scene(scene_file, alone(k % 2 == 1, FIRST_SEED + k, *values)) for k, values in
-              enumerate(_spread(stones, radius_m, speed_m_s, places))]
+    falls_m_s = tuple(speed / np.cos(np.radians(plate.tilt_deg)) for speed in speed_m_s)
+    scenes = [changed_scene(scene_file, alone(k % 2 == 1, FIRST_SEED + k, *values) | AT_ONCE) for k, values in
+              enumerate(_spread(stones, radius_m, falls_m_s, places))]
     directory = out.with_suffix("")
     runs = {directory / f"stone_{k:04d}": scene for k, scene in enumerate(scenes)}
     with at_work_in(directory, "stones") as lock:
@@ -79,18 +81,18 @@ def alone(gangue: bool, seed: int, radius_m: float, speed_m_s: float, x_m: float
 
 
 def history_of(directory: Path) -> History:
-    """The force of the stone of a finished run, and what it was."""
+    """The force of the stone of a finished run, and what it was by itself: size, density, speed across the plate."""
     run, fast = read_run(directory), read_table(directory / "fast.parquet")
     step_s = float(fast["t_s"][1] - fast["t_s"][0])
     force = np.zeros(round(DURATION_s / step_s))
     found = fast["force_01_N"].to_numpy()[1:len(force) + 1]
     force[:len(found)] = found
-    material, scene = run.summary.materials[0], run.info["scene"]
-    return History(force, step_s, run.materials[0] == MATERIALS[1], scene["stones"]["radius_m"],
-                   scene["materials"][material]["density_kg_m3"], scene["stones"]["speed_m_s"])
+    stone = read_table(directory / "stones.parquet").iloc[0]
+    return History(force, step_s, run.materials[0] == MATERIALS[1], float(stone["radius_m"]),
+                   float(stone["density_kg_m3"]), -float(stone["velocity_z_m_s"]))
 
 
-def _spread(count: int, radius_m: tuple[float, float], speed_m_s: tuple[float, float],
+def _spread(count: int, radius_m: tuple[float, float], speed_m_s: tuple[float, ...],
             places_m: np.ndarray) -> list[tuple[float, ...]]:
     """Radii, speeds and places: a Latin hypercube, so that few stones are spread as evenly as many."""
     from scipy.stats import qmc  # late: it takes a second

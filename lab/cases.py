@@ -81,7 +81,7 @@ CASES = {case.name: case for case in (
     Case("natural_streams", "lab.streams.natural", "what one knows of a hundred stones that vary", "the true ratio",
          (*HEARD, "lab/recognition/superposed.py", "scenes/natural.toml")),
     Case("engine_streams", "lab.streams.engine_streams", "streams of the engine, ratio, and what one knows", "what touched the plate",
-         (*HEARD, *STONE, *(f"scenes/{name}.toml" for name in ("listening", "stream", "streams", "caving", "natural")))),
+         (*HEARD, *STONE, "gangue/learn_forces.py", *(f"scenes/{name}.toml" for name in ("listening", "stream", "streams", "caving", "natural")))),
     Case("stopping", "lab.streams.stopping", "share of gangue over time, stones and what one knows of them",
          "a perfect ear", ("recognition/stone_forces", "recognition/stream", "lab/streams/stone_kinds.py")),
     Case("stone_kinds", "lab.streams.stone_kinds", "stones of a stream, and what one knows of them", "the true ratio",

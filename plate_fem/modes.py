@@ -16,6 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
+from common.by_value import ByValue
 from common.files.cache import cached, key_of
 from common.scene.plate import FlexiblePlate
 from common.tables import InputError, Refused
@@ -32,8 +33,8 @@ FINER = 3  # than the mesh, a grid on which the largest value of a shape is soug
 NOWHERE = np.empty((0, 2))  # for residual modes of the rods alone
 
 
-@dataclass(frozen=True)
-class PlateModes:
+@dataclass(frozen=True, eq=False)
+class PlateModes(ByValue):
     """The n modes of a flexible plate, in ascending frequency: w(x, y, t) = sum_j shape_j(x, y) amplitude_j(t).
 
     Shapes are mass-normalised and have unit kg^-1/2, amplitudes kg^1/2 m.

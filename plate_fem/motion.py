@@ -71,7 +71,8 @@ class ModalMotion:
 
     Amplitude (kg^1/2 m) and rate (kg^1/2 m/s) have shape (n,). A step gives new arrays and leaves the old ones as
     they are. Modal forces have unit N kg^-1/2; `work_J` is the exact work of the modal force since the start. Raises
-    InputError for an interval that is not above 0, and for forces and states that are not finite.
+    InputError for an interval that is not above 0, modes that do not oscillate, and for forces and states that are not
+    finite.
 
     >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
     >>> motion = ModalMotion(modes, interval_s=1e-5)
@@ -88,6 +89,8 @@ class ModalMotion:
         self._modes, self.interval_s = modes, float(interval_s)
         self._omega = 2 * np.pi * np.asarray(modes.frequency_Hz, float)
         zeta = np.asarray(modes.damping_ratio, float)
+        if not ((zeta >= 0) & (zeta < 1)).all():
+            raise InputError("damping_ratio: must be from 0 to below 1 for every mode")
         self._decay_rate = zeta * self._omega
         self._omega_d = self._omega * np.sqrt(1 - zeta**2)
         self._rigid = np.flatnonzero(self._omega == 0)

@@ -106,8 +106,8 @@ class HertzContact:
 
     @property
     def contact_radius_m(self) -> float:
-        """a = (3 F R / 4 E*)^(1/3)."""
-        return (0.75 * self.force_N * self.radius_m / self.modulus_Pa) ** (1 / 3)
+        """a = (3 F R / 4 E*)^(1/3), 0 where nothing is pressed."""
+        return (0.75 * max(self.force_N, 0.0) * self.radius_m / self.modulus_Pa) ** (1 / 3)
 
     @property
     def peak_pressure_Pa(self) -> float:
@@ -120,7 +120,7 @@ def contact_surface_stress(contact: HertzContact, points_m: np.ndarray, poisson_
 
     Columns are sx, sy, txy, sz in Pa, compression negative (Johnson 1985, Contact Mechanics, Eqs. 3.43 and 3.44).
     """
-    offset = np.atleast_2d(points_m) - (contact.x_m, contact.y_m)
+    offset = np.atleast_2d(np.asarray(points_m, float)) - (contact.x_m, contact.y_m)
     if contact.force_N <= 0:
         return np.zeros((len(offset), 4))
     a, p0 = contact.contact_radius_m, contact.peak_pressure_Pa

@@ -18,6 +18,7 @@ from cattrs import Converter
 from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
 
 from analysis.signals.features import BASE_PARAMETERS
+from analysis.signals.records import RecordError
 from analysis.sweep.runs import Run
 from common.channels import ACCELEROMETERS
 from common.files.whole import is_sealed, seal, write_text
@@ -144,6 +145,8 @@ class Model:
 
         Raises RecordError for an unusable record, RecognitionError where no method applies.
         """
+        if not isinstance(signals, pd.DataFrame):
+            raise RecordError(f"{source}: is of type {type(signals).__name__}; must be a table with t_s and signals")
         table = self.window.cut(from_impact(signals), source)
         answers = self.answers_to(lambda name: self._features(name, table))
         if all(answer.reason.startswith(NOT_APPLICABLE) for answer in answers.values()):

@@ -27,16 +27,31 @@ def test_bad_input_is_refused(tmp_path, monkeypatch, capsys, options, said):
     assert [p.name for p in tmp_path.iterdir()] == ["mine.json"]
 
 
+@pytest.mark.slow
+def test_the_law_of_a_tilted_plate_is_of_speeds_across_it(tmp_path):
+    """Elastic spheres on a rigid plate give it 2 m v, v being across."""
+    (tmp_path / "tilted.toml").write_text('name = "tilted"\nplate.tilt_deg = 60.0\nbase = "'
+                                          f'{resource("scenes") / "hertz_coal.toml"}"\n')
+    out = tmp_path / "law.json"
+    assert main(["learn-forces", str(tmp_path / "tilted.toml"), "--out", str(out), *LIMITS, "--stones", "16"]) == 0
+    law = load_forces(out)
+    for material, density in enumerate((1380.0, 2400.0)):
+        momentum = 4 / 3 * np.pi * 0.025**3 * density * 3.0
+        impulse = np.exp(law.mean(material, np.array(0.025), np.array(3.0))[2])
+        assert impulse == pytest.approx(2 * momentum, rel=1e-3)
+
+
 @pytest.mark.validate
 def test_law_of_a_rock_of_ones_own(tmp_path):
-    """Sixteen coarse stones of a coal half as dense: the impulse of a stone is between m v and 2 m v, with the density
-    that the scene says; a second call runs nothing and writes the same law."""
+    """Sixteen coarse stones of a coal half as dense, with sizes and arrivals of their own: the impulse of a stone is
+    between m v and 2 m v, with the density that the scene says; a second call runs nothing and writes the same law."""
     text, coal = (resource("scenes") / name for name in ("small.toml", "materials/coal.toml"))
     (tmp_path / "materials").mkdir()
     light = coal.read_text().replace("density_kg_m3 = 1380", "density_kg_m3 = 690")
     (tmp_path / "materials" / "light.toml").write_text(light)
+    own = "\n[scatter]\nradius_factor = { lognormal_cv = 0.15 }\narrival_s = [0.0, 0.005]\n"
     both = 'coal = "coal"\ngangue = "gangue"\n\n[contacts]'
-    (tmp_path / "mine.toml").write_text(text.read_text().replace(both, both.replace('"coal"', '"light"')))
+    (tmp_path / "mine.toml").write_text(text.read_text().replace(both, both.replace('"coal"', '"light"')) + own)
     out = tmp_path / "law.json"
     arguments = ["learn-forces", str(tmp_path / "mine.toml"), "--out", str(out), *LIMITS, "--stones", "16"]
     assert main(arguments) == 0

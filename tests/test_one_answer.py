@@ -310,7 +310,7 @@ CANNED = [
                           ("ratio_040: not finished",), HERE)),
     ("scenes", ScenesResult({"paper.toml": "ten stones"})), ("scenes", ScenesResult({"paper.toml": "ten"}, HERE)),
     ("evaluate", EvaluateResult(HERE)), ("report", ReportResult(HERE)), ("compare", ComparisonResult(HERE)),
-    ("tap", TapResult(HERE, 12_345, MODES, SENSORS, "")),
+    ("tap", TapResult(HERE, 12_345, MODES, SENSORS, "", 4, 3)),
     ("tap", TapResult(None, 0, MODES, SENSORS, "sensor 'north': 40% of its taps, limit 30%")),
     ("listen", ListenResult(HERE, HERE, 12, {"number": ANSWER, "mass": WIDE}, (UNTAPPED, WIDE.warning))),
     ("listen", ListenResult(HERE, HERE, 12, {"number": ANSWER}, stop=Alarms(0.4, 0.2, (35.2,), 3.9, 4.2, 0.8, False))),

@@ -105,10 +105,10 @@ def read_hdf5(path: Path) -> Arrays:
     arrays = Arrays()
 
     def take(name: str, node: Any) -> None:
-        for key, value in node.attrs.items():
-            if key.lower() in UNITS and isinstance(value, (str, bytes)):
+        for key, value in ((key.lower().replace(" ", "_"), value) for key, value in node.attrs.items()):
+            if key in UNITS and isinstance(value, (str, bytes)):
                 arrays.units[name] = value.decode(errors="replace") if isinstance(value, bytes) else value
-            elif key.lower() in (*RATES, *INTERVALS):
+            elif key in (*RATES, *INTERVALS):
                 arrays.add(f"{name}/{key}".lstrip("/"), value)
         data = isinstance(node, h5py.Dataset) and node.attrs.get("MATLAB_class") not in NO_NUMBERS
         if data and not name.startswith("#") and node.dtype.kind in "iuf":

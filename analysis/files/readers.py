@@ -46,12 +46,12 @@ def read_wav(path: Path) -> Channels:
     from scipy.io import wavfile
 
     try:
-        with warnings.catch_warnings():
-            # Chunks beside the samples (calibration notes of a recorder) are no fault.
-            warnings.simplefilter("ignore", wavfile.WavFileWarning)
+        with warnings.catch_warnings(record=True, action="always", category=wavfile.WavFileWarning) as told:
             rate_Hz, samples = wavfile.read(path)
     except BROKEN_WAV as error:
         raise RecordError(f"{path}: not a readable WAV file ({error})") from None
+    if any("EOF" in str(one.message) for one in told):  # chunks beside the samples, of a recorder, are no fault
+        _log.warning("note: %s: has fewer samples than it says; it may be cut off", path)
     return _channels(path, _shares_of_full_scale(samples), rate_Hz)
 
 
@@ -93,7 +93,8 @@ CHANNELS = {".wav": read_wav, ".flac": read_flac, ".uff": read_uff, ".unv": read
 ARRAYS = {".mat": read_matlab, ".h5": read_hdf5, ".hdf5": read_hdf5, ".lvm": read_lvm, ".tdms": read_tdms}
 ENDINGS = (*TABLES, *CHANNELS, *ARRAYS)
 # What such a column is called elsewhere, without the unit that follows in brackets.
-TIME_WORDS = (*TIME_COLUMNS, "second", "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время", "时间", "時間")
+TIME_WORDS = (*TIME_COLUMNS, "second", "seconds", "sec", "zeit", "temps", "tiempo", "tempo", "tijd", "czas", "время",
+              "时间", "時間")
 
 
 def read_record(path: str | Path, *, column: str | None = None, rate_Hz: float | None = None, scale: float = 1.0,
@@ -293,6 +294,8 @@ def _signal_of(names: list[str], source: str, asked: str | None) -> str:
         return _same(names, asked) or _refuse(source, f"no column {asked!r}", names)
     if "a_m_s2" in names:
         return "a_m_s2"
+    if not names:
+        raise RecordError(f"{source}: holds no signal, which is an array of real numbers")
     named = [name for name in names if name] or names  # pandas writes an index without a name
     return named[0] if len(named) == 1 else _refuse(source, "no column named", names)
 

@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 
 from analysis.signals.records import Channels, Record, RecordError, sample_rate_Hz
+from common.channels import plain_unit
 from common.input_error import optional_library
 
 TIME, FREQUENCY = 1, 4  # func_type of a time response and of a frequency response in dataset 58
 OF_A_TABLE = ("frequency", "real", "imaginary")
 PER_IMPULSE = "/N/s"  # ends the unit of a response to 1 N s
 LEAD_s = 0.01
+SI, SI_BY_QUANTITY = 1, {8: "m", 9: "N", 11: "m/s", 12: "m/s^2", 13: "N", 15: "Pa"}  # in datasets 164 and 58
 
 
 def read_uff(path: Path) -> Channels:
@@ -36,24 +38,27 @@ def read_uff(path: Path) -> Channels:
     labels = [str(s.get("id1", "")).strip() for s in responses]
     if len(set(labels)) < len(labels) or "" in labels:
         labels = [str(k) for k in range(len(labels))]
-    return {label: partial(_record, one, f"{path}: {label}") for label, one in zip(labels, responses, strict=True)}
+    units = SI_BY_QUANTITY if any(s.get("units_code") == SI for s in sets) else {}
+    return {label: partial(_record, one, f"{path}: {label}", units) for label, one in
+            zip(labels, responses, strict=True)}
 
 
-def _record(response: dict[str, Any], name: str) -> Record:
-    unit = _unit(response, "ordinate") or "1"
+def _record(response: dict[str, Any], name: str, units: Mapping[int, str]) -> Record:
+    unit = _unit(response, "ordinate", units) or "1"
     of_time = response["func_type"] == TIME
     if not response.get("abscissa_spacing") or np.iscomplexobj(response["data"]) == of_time:
         raise RecordError(f"{name}: needs even samples, real ones over time and complex ones over frequency")
     if of_time:
         begin_s = float(response.get("abscissa_min") or 0.0)
         return Record(response["data"], 1.0 / response["abscissa_inc"], unit, name, begin_s)
-    unit = "/".join(filter(None, (unit, _unit(response, "orddenom"))))
+    unit = "/".join(filter(None, (unit, _unit(response, "orddenom", units))))
     return impulse_response(np.asarray(response["x"], float), response["data"], unit, name)
 
 
-def _unit(response: dict[str, Any], of: str) -> str:
-    text = str(response.get(f"{of}_axis_units_lab", "")).strip()
-    return "" if text.upper() == "NONE" else text
+def _unit(response: dict[str, Any], of: str, units: Mapping[int, str]) -> str:
+    """By its label or, where that is left out, by the quantity."""
+    text = plain_unit(str(response.get(f"{of}_axis_units_lab", "")))
+    return units.get(response.get(f"{of}_spec_data_type", 0), "") if text.upper() in ("", "NONE") else text
 
 
 def impulse_response(frequency_Hz: np.ndarray, response: np.ndarray, unit: str, name: str) -> Record:

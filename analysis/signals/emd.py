@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.signals.records import Record, RecordError, Signal, as_record
+from common.by_value import ByValue
 
 #: Stopping rules of the sifting, by name, with PyEMD's arguments for each.
 #: fixed_10: ten siftings for every IMF (Wu and Huang 2009), the fastest, whose cost is linear in the length.
@@ -28,9 +29,12 @@ PARABOLIC_UP_TO = 10_000
 #: the residue. Records of up to 4000 samples have no more IMFs than this.
 MOST_IMFS = 12
 
+#: Of a record, whose decomposition then takes 4 GB and some minutes.
+MOST_SAMPLES = 10_000_000
 
-@dataclass(frozen=True)
-class Decomposition:
+
+@dataclass(frozen=True, eq=False)
+class Decomposition(ByValue):
     """The m IMFs (m, n) of a record, finest first, and the residue (n,), in the unit of the record.
 
     Their sum is the record.
@@ -54,7 +58,7 @@ class Decomposition:
 def decompose(signal: Signal, rule: str = DEFAULT_RULE) -> Decomposition:
     """Decompose a signal, of which `as_record` makes a record, into intrinsic mode functions.
 
-    Raises RecordError for an unknown rule or a constant record.
+    Raises RecordError for an unknown rule, a constant record, or more than MOST_SAMPLES samples.
 
     >>> fast, slow = np.sin(2 * np.pi * 90 * np.arange(1000) / 1e3), np.sin(2 * np.pi * 5 * np.arange(1000) / 1e3)
     >>> imf = decompose(Record(fast + slow, rate_Hz=1000.0)).imfs[0]
@@ -66,6 +70,9 @@ def decompose(signal: Signal, rule: str = DEFAULT_RULE) -> Decomposition:
     record = as_record(signal)
     if rule not in STOPPING_RULES:
         raise RecordError(f"{record.name}: stopping rule {rule!r}; choose one of {', '.join(STOPPING_RULES)}")
+    if record.values.size > MOST_SAMPLES:
+        raise RecordError(f"{record.name}: {record.values.size} samples; EMD takes at most {MOST_SAMPLES:.0e}: take a "
+                          "part, or resample to a lower rate")
     offset, scale = record.values.mean(), record.values.std()
     if scale == 0:
         raise RecordError(f"{record.name}: standard deviation {scale:g}; EMD needs a changing signal")

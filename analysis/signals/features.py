@@ -190,7 +190,7 @@ def time_frequency_features(record: Record) -> tuple[list[Feature], float]:
     imfs, found = decompose(record), list[Feature]()
     for name, formula in FEATURES.items():
         if formula.takes == "imfs":
-            unit = f"{power_of_unit(record.unit, formula.power)} s" if formula.power else "1"
+            unit = f"{power_of_unit(record.unit, formula.power)} s".removeprefix("1 ") if formula.power else "1"
             values = np.atleast_1d(formula.function(imfs))
             found += [Feature(name.format(k), float(value), unit) for k, value in enumerate(values, 1)]
     return found, float(imfs.energies.sum() * record.rate_Hz / (record.values.size * variance(record.values)))

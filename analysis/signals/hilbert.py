@@ -15,14 +15,15 @@ from numpy.fft import fft, ifft
 
 from analysis.signals.emd import Decomposition, decompose
 from analysis.signals.records import Record, RecordError, Signal
+from common.by_value import ByValue
 
 #: The Fourier resolution of the paper's window of 0.04 s.
 BIN_WIDTH_HZ = 25.0
 MOST_BINS = 1e7
 
 
-@dataclass(frozen=True)
-class HilbertSpectrum:
+@dataclass(frozen=True, eq=False)
+class HilbertSpectrum(ByValue):
     """Amplitude (bins, times) on cells between edges_Hz (bins + 1,) and edges_s (times + 1,), in the record's unit.
 
     It is the mean over a cell of the sum over the IMFs of a.
@@ -37,8 +38,8 @@ class HilbertSpectrum:
     amplitude: np.ndarray
 
 
-@dataclass(frozen=True)
-class MarginalSpectrum:
+@dataclass(frozen=True, eq=False)
+class MarginalSpectrum(ByValue):
     """Density (bins,) between edges_Hz (bins + 1,), in unit s/Hz (kind "amplitude") or unit^2 s/Hz (kind "energy").
 
     `left_out` is the share of the integral at frequencies outside the bins: an instantaneous frequency may be negative

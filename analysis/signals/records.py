@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
+from common.by_value import ByValue
 from common.channels import name_and_unit, unit_of
 from common.input_error import InputError
 
@@ -42,8 +43,8 @@ class RecordError(InputError):
     """
 
 
-@dataclass(frozen=True)
-class Record:
+@dataclass(frozen=True, eq=False)
+class Record(ByValue):
     """A uniformly sampled signal: finite values (n,) in `unit`, from the time `t0_s` on.
 
     Raises RecordError for values of another shape, a rate that is not positive, and what is not finite.

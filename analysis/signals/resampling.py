@@ -13,8 +13,9 @@ from scipy.signal import firwin, resample_poly
 
 from analysis.signals.records import Record, RecordError, Signal, as_record
 
-#: Rates are taken as a ratio of whole numbers up to this.
-MAX_FACTOR = 1000
+#: Rates are taken as the nearest ratio of whole numbers up to MAX_FACTOR, which may be NEAR off: no clock is as exact
+#: as its nominal rate.
+MAX_FACTOR, NEAR = 1000, 1e-3
 
 #: Points between two samples, from which cubic splines take what lies between: within 1e-3 of a tone up to 0.8 of half
 #: the rate.
@@ -28,9 +29,9 @@ def resample(signal: Signal, rate_Hz: float, *, anti_alias: bool = True) -> Reco
     """Return a record, or what `as_record` makes one of, at another rate, its first sample at the same time.
 
     With `anti_alias` a low pass of linear phase and no delay (scipy's polyphase filter) comes before the samples are
-    taken, which needs rates in a ratio of whole numbers up to MAX_FACTOR. Without it every k-th sample is kept, or what
-    lies between samples is taken. Raises RecordError for other ratios, more than MAX_FACTOR times the rate, and more
-    than MAX_SAMPLES samples.
+    taken, in a ratio of whole numbers: `rate_Hz` of the result is what that gives, at most NEAR off. Without it every
+    k-th sample is kept, or what lies between samples is taken. Raises RecordError for less than 1 / MAX_FACTOR or more
+    than MAX_FACTOR times the rate, and more than MAX_SAMPLES samples.
 
     >>> resample(Record(np.ones(300), rate_Hz=51_200.0), 20_000.0).values.size
     118
@@ -44,8 +45,8 @@ def resample(signal: Signal, rate_Hz: float, *, anti_alias: bool = True) -> Reco
         raise RecordError(f"{record.name}: {rate_Hz:.6g} Hz gives {samples:.3g} samples; at most {MAX_SAMPLES:.0e}")
     if not anti_alias:
         return replace(record, values=_sampled(record, rate_Hz), rate_Hz=rate_Hz)
-    ratio = Fraction(rate_Hz / record.rate_Hz).limit_denominator(MAX_FACTOR)
-    if ratio == 0 or abs(float(ratio) * record.rate_Hz / rate_Hz - 1) > 1e-6:
+    ratio = rate_ratio(record.rate_Hz, rate_Hz)
+    if abs(float(ratio) * record.rate_Hz / rate_Hz - 1) > NEAR:
         rates = f"{record.rate_Hz:.6g} Hz to {rate_Hz:.6g} Hz"
         raise RecordError(f"{record.name}: {rates} is no ratio of whole numbers up to {MAX_FACTOR}")
     # The ends are continued by their own values: a record need not begin or end at zero.
@@ -53,12 +54,17 @@ def resample(signal: Signal, rate_Hz: float, *, anti_alias: bool = True) -> Reco
     return replace(record, values=np.array(values), rate_Hz=record.rate_Hz * float(ratio))
 
 
+def rate_ratio(from_Hz: float, to_Hz: float) -> Fraction:
+    """Samples that `resample` makes of one."""
+    return Fraction(to_Hz / from_Hz).limit_denominator(MAX_FACTOR)
+
+
 class Resampler:
     """As `resample` with the filter, of channels (c, samples) as they come. RecordError as there."""
 
     def __init__(self, from_Hz: float, to_Hz: float, channels: int, name: str) -> None:
         resample(Record(np.zeros(2 * MAX_FACTOR), from_Hz, name=name), to_Hz)  # which refuses what it cannot do
-        ratio = Fraction(to_Hz / from_Hz).limit_denominator(MAX_FACTOR)
+        ratio = rate_ratio(from_Hz, to_Hz)
         self.up, self.down = ratio.numerator, ratio.denominator
         self.about = 0 if ratio == 1 else -(-10 * max(self.up, self.down) // self.up)  # samples that the filter sees
         self.before = -(-self.about // self.down) * self.down  # the same, in whole periods

@@ -18,6 +18,7 @@ import pandas as pd
 
 from analysis.files.readers import read_table
 from analysis.signals.records import Record, RecordError, sample_rate_Hz
+from common.by_value import ByValue
 from common.channels import RESPONSES, unit_of
 from common.files.whole import read_json
 from common.input_error import InputError, raised_as
@@ -29,8 +30,8 @@ COLUMNS = ("material", "radius_m", "arrival_s", "mass_kg", "first_contact_s", "p
            "left_mass_kg", "left_s")
 
 
-@dataclass(frozen=True)
-class Run:
+@dataclass(frozen=True, eq=False)
+class Run(ByValue):
     """One finished run. `info` is its run.json as it stands, `signals` signals.parquet; the larger tables are read when
     asked for.
 

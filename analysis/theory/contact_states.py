@@ -22,6 +22,7 @@ from scipy.optimize import brentq
 
 from analysis.signals.records import RecordError
 from analysis.sweep.runs import Run
+from analysis.theory.impact import refuse_no_impact
 from common import hertz
 from common.run_summary import RecordedMaterial
 from common.scene.stones import KINDS
@@ -89,10 +90,7 @@ def max_deformation_m(stiffness: float, mass_kg: float, speed_m_s: float, *, res
     The restitution is 0 < e <= 1. With compliance 0 the root is the closed form (8) or (19). Raises RecordError for
     other numbers than those of an impact.
     """
-    if not (stiffness > 0 and mass_kg > 0 and speed_m_s > 0 and 0 < restitution <= 1 and compliance_m_N >= 0):
-        raise RecordError(f"stiffness = {stiffness:g}, mass_kg = {mass_kg:g}, speed_m_s = {speed_m_s:g}, restitution = "
-                          f"{restitution:g}, compliance_m_N = {compliance_m_N:g}: must be above 0, the restitution at "
-                          "most 1, the compliance may be 0")
+    refuse_no_impact(stiffness, mass_kg, speed_m_s, restitution, compliance_m_N)
     energy = 0.5 * mass_kg * speed_m_s**2
     rigid = (2.5 * restitution * energy / stiffness) ** 0.4
     if compliance_m_N == 0:

@@ -21,6 +21,8 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from analysis.signals.records import RecordError
+
 DAMPING: dict[str, Callable[[float], float]] = {
     "hertz": lambda e: 0.0,
     "flores": lambda e: 8.0 * (1 - e) / (5.0 * e),
@@ -55,15 +57,28 @@ class Spring:
     mass_kg: float
 
 
+def refuse_no_impact(stiffness: float, mass_kg: float, speed_m_s: float, restitution: float,
+                     compliance_m_N: float) -> None:
+    """RecordError for other numbers than those of an impact."""
+    finite = np.isfinite([stiffness, mass_kg, speed_m_s, compliance_m_N]).all()
+    if not (finite and min(stiffness, mass_kg, speed_m_s) > 0 and 0 < restitution <= 1 and compliance_m_N >= 0):
+        raise RecordError(f"stiffness = {stiffness:g}, mass_kg = {mass_kg:g}, speed_m_s = {speed_m_s:g}, restitution = "
+                          f"{restitution:g}, compliance_m_N = {compliance_m_N:g}: must be finite and above 0, the "
+                          "restitution at most 1, the compliance may be 0")
+
+
 def force_history(law: str, stiffness: float, mass_kg: float, speed_m_s: float, restitution: float = 1.0, *,
                   plate: Spring | None = None, samples: int = 2001) -> ForceHistory:
     """Integrate an impact until the first loss of contact, to a relative tolerance of 1e-10.
 
     The Hertz stiffness K is in N/m^1.5, the restitution 0 < e <= 1; without a plate it is rigid.
-    Raises ValueError for an unknown law, and ArithmeticError if the contact does not end.
+    Raises RecordError for an unknown law and what is no impact, and ArithmeticError if the contact does not end.
     """
     if law not in DAMPING:
-        raise ValueError(f"law = {law!r}; choose one of {', '.join(DAMPING)}")
+        raise RecordError(f"law = {law!r}; choose one of {', '.join(DAMPING)}")
+    refuse_no_impact(stiffness, mass_kg, speed_m_s, restitution, plate.compliance_m_N if plate else 0.0)
+    if plate and not (plate.compliance_m_N > 0 and plate.mass_kg > 0):
+        raise RecordError(f"plate = {plate}: compliance and mass must be above 0")
     c = DAMPING[law](restitution)
     # In units of the Hertz compression and v: the force of a sphere is 5/4 d^(3/2) (1 + c d').
     unit_m = (1.25 * mass_kg * speed_m_s**2 / stiffness) ** 0.4

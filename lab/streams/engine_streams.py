@@ -2,6 +2,7 @@
 what `listen` makes of them, with 20 dB of noise. The ratio is that of the stones that touched the plate.
 
 Known stones are of the sizes, shapes and speeds of each stream, and fall one by one: coal in a run of its own, and gangue.
+Of streams with stones that the shipped law is not of, `learn-forces` makes one, by spheres of their sizes and speeds.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from common.scene.file import scene_tables
 from common.scene.scene import Scene, changed_scene
 from dem.batch.dataset import plan_dataset
 from dem.run.run import run_scene
+from gangue.learn_forces import learn_forces
 from lab.known_truth.simulated import SILENCE_S
 from lab.rock.stone import SCENES
 from lab.streams.known_streams import ALL, HIGHEST_Hz, TRUE_Hz, learnt_by_taps
@@ -49,7 +51,7 @@ SHAPES = {name: scene_tables(SCENES / "caving.toml")["shapes"][name] for name in
 @dataclass(frozen=True)
 class Kind:
     """Streams of a scene with what is changed in it, as many as `streams`, or the last of a family of
-    scenes/streams.toml, one in PART; the limits that are told of their stones."""
+    scenes/streams.toml, one in PART; the limits that are told of their stones, and whether a law is learnt of them."""
 
     streams: int = 0
     changes: dict[str, Any] = field(default_factory=dict)
@@ -58,6 +60,7 @@ class Kind:
     scene: str = "listening.toml"
     family: str = ""
     known: bool = True
+    own_law: bool = False
 
 
 KINDS = {
@@ -66,7 +69,7 @@ KINDS = {
     "blocks": Kind(3, {"shapes": SHAPES, "stones.agglomerate.contact": "faces",
                        "stones.drawn.rate_1_s": 40.0}),
     "caving": Kind(2, {"plate.max_frequency_Hz": HIGHEST_Hz}, (0.03, 0.075), (2.7, 3.9), "caving.toml", known=False),
-    **{name: Kind(radius_m=radius_m, speed_m_s=(1.8, 4.0), scene="stream.toml", family=name)
+    **{name: Kind(radius_m=radius_m, speed_m_s=(1.8, 4.0), scene="stream.toml", family=name, own_law=True)
        for name, radius_m in (("rates", (0.01, 0.03)), ("speeds", (0.01, 0.03)), ("sizes", (0.0125, 0.04)),
                               ("shapes", (0.01, 0.03)), ("whole", (0.01, 0.03)))},
 }
@@ -138,25 +141,33 @@ def plate_of(kind: str, out: Path) -> PlateModel:
 
 
 @cache
-def known_of(kind: str, number: int, out: Path) -> tuple[tuple[list[Heard], int], ...]:
+def known_of(kind: str, number: int, out: Path) -> tuple[tuple[list[Heard], int, bool], ...]:
     found = []
     for gangue in (0, 1):
         directory = simulated(known_scene(kind, number, gangue), f"{kind}_{number}_known_{gangue}", out)
         channels, values = record_of(kind, directory, out)
-        found.append((hear(plate_of(kind, out), channels, prior_of(kind), values, QUIET_S).heard, gangue))
+        found.append((hear(plate_of(kind, out), channels, prior_of(kind, out), values, QUIET_S).heard, gangue, False))
     return tuple(found)
 
 
-def prior_of(kind: str) -> StonePrior:
-    return StonePrior(load_forces(), KINDS[kind].radius_m, KINDS[kind].speed_m_s)
+@cache
+def prior_of(kind: str, out: Path) -> StonePrior:
+    limits = KINDS[kind].radius_m, KINDS[kind].speed_m_s
+    if not KINDS[kind].own_law:
+        return StonePrior(load_forces(), *limits)
+    file = out / f"engine_law_{zlib.crc32(repr(limits).encode()):08x}.json"
+    with alone(file.with_suffix(".lock")):
+        if not file.is_file():
+            learn_forces(SCENES / "single.toml", file, *limits)
+    return StonePrior(load_forces(file), *limits)
 
 
 def recognised(kind: str, number: int, known: bool, out: Path) -> Recognised:
     """What `listen` finds in the record of a stream. Raises RecognitionError."""
     directory = simulated(scenes_of(kind)[number], f"{kind}_{number}", out)
     channels, values = record_of(kind, directory, out)
-    return recognise_stream(plate_of(kind, out), channels, prior_of(kind), values,
-                            known=Known(dropped=known_of(kind, number, out)) if known else UNKNOWN_ALL)
+    return recognise_stream(plate_of(kind, out), channels, prior_of(kind, out), values,
+                            known=Known(others=known_of(kind, number, out)) if known else UNKNOWN_ALL)
 
 
 def heard(kind: str, number: int, known: bool, out: Path) -> dict[str, object]:

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.exceptions import NotFittedError
 
 from analysis.sweep.runs import Run
 from recognition.estimation.answer import Answer, answers_within
@@ -77,8 +78,17 @@ class MethodEntry:
 Registry = Mapping[str, MethodEntry]
 
 
-@dataclass
-class RecordEstimator(RegressorMixin, BaseEstimator):
+class Fitted(BaseEstimator):
+    """What `fit` sets ends in an underscore, and scikit-learn's NotFittedError says where it is not set."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.endswith("_") and not name.startswith("_"):
+            raise NotFittedError(f"{type(self).__name__} is not fitted yet; call fit first")
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+
+@dataclass(eq=False)
+class RecordEstimator(RegressorMixin, Fitted):
     """A method that learns from features of records (`learn`), arrays of one shape, and finds a ratio by those of one
     (`ratio_of`). X has three dimensions or more: runs, a record and its `noisy_copies`, features.
 

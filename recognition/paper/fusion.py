@@ -18,10 +18,10 @@ from typing import Self
 import numpy as np
 import pandas as pd
 from scipy.stats import spearmanr
-from sklearn.base import BaseEstimator
 
 from recognition.estimation.arrays import Floats, Integers, finite
 from recognition.estimation.errors import RecognitionError
+from recognition.estimation.method import Fitted
 
 ENERGY_RESPONSES = ("internal_J", "kinetic_J", "total_J")
 MOTIONS = ("a_m_s2", "v_m_s", "u_m")
@@ -49,8 +49,8 @@ def plate_response(signals: pd.DataFrame, name: str) -> Floats:
     return np.abs(values) if name.startswith("|") else values
 
 
-@dataclass
-class Fusion(BaseEstimator):
+@dataclass(eq=False)
+class Fusion(Fitted):
     """One of the four fusions: normalisation (41) fitted to training runs, then the Kalman filter.
 
     >>> fusion = Fusion("energy")
@@ -177,8 +177,11 @@ class MinMaxByTrend:
         return self
 
     def transform(self, x: Floats) -> Floats:
-        """Standardised parameters, shape (n, p) as given."""
-        rising = (np.asarray(x, dtype=float) - self.minimum) / (self.maximum - self.minimum)
+        """Standardised parameters, shape (n, p) as given. RecognitionError for another number of them."""
+        x = np.asarray(x, dtype=float)
+        if x.shape[-1:] != self.minimum.shape:
+            raise RecognitionError(f"{x.shape[-1]} features; the model has {self.minimum.size}")
+        rising = (x - self.minimum) / (self.maximum - self.minimum)
         return np.where(self.direction > 0, rising, 1.0 - rising)
 
 

@@ -14,7 +14,7 @@ from recognition.paper.fusion import Fusion
 from recognition.paper.strategy import Strategy
 
 
-@dataclass
+@dataclass(eq=False)
 class FusionPipeline(RecordEstimator):
     """A fusion of plate responses and the strategy on its curve; a method of recognition
     (`recognition.estimation.method`).

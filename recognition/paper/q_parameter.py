@@ -29,7 +29,7 @@ _GRID = np.linspace(-ROOT_MARGIN, 1 + ROOT_MARGIN, 111)
 _BISECTIONS = 40  # 0.01 of ratio halved 40 times: 1e-14
 
 
-@dataclass
+@dataclass(eq=False)
 class FusionQ(RecordEstimator):
     """Q-polynomial recognition with equal weights, as in the paper; a method of recognition
     (`recognition.estimation.method`).
@@ -48,8 +48,9 @@ class FusionQ(RecordEstimator):
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
         """The eight base parameters of `a_m_s2` in a record and in its `noisy_copies`, shape (copies, 8). Raises
         RecognitionError where one of them has none."""
-        if "a_m_s2" not in signals.columns:
-            raise RecognitionError("no column 'a_m_s2' in the record; needs it for Q")
+        for name in ("a_m_s2", "t_s"):
+            if name not in signals.columns:
+                raise RecognitionError(f"no column {name!r} in the record; needs it for Q")
         rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), "t_s")
         every = [one["a_m_s2"].to_numpy(dtype=float) for one in noisy_copies(signals[["t_s", "a_m_s2"]])]
         records = [as_record(one, rate_Hz, unit="m/s^2", name="a_m_s2") for one in every]

@@ -21,10 +21,10 @@ from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
-from sklearn.base import BaseEstimator
 
 from recognition.estimation.arrays import Booleans, Floats, Integers, finite, training
 from recognition.estimation.errors import NotRecognised, RecognitionError
+from recognition.estimation.method import Fitted
 from recognition.paper.q_parameter import fit_polynomials, real_roots
 
 #: Judging standards. "mean", as published, is over the usable points only, so that a wrong candidate may win by having
@@ -114,8 +114,8 @@ class Candidates:
         return int(np.argmin(np.where(self.allowed, self.score, np.inf)))
 
 
-@dataclass
-class Strategy(BaseEstimator):
+@dataclass(eq=False)
+class Strategy(Fitted):
     """Function space of K moments and its inverse solution.
 
     rule: how moments get their functions. xi: available coefficient, on the scale of QQ

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.interpolate import NdBSpline, make_interp_spline
 from scipy.signal import lfilter
 
+from common.by_value import ByValue
 from common.files.cache import user_cache
 from common.files.whole import read_sealed_json, write_sealed_json
 from common.input_error import raised_as
@@ -27,8 +28,8 @@ FORMAT = "plate model 1"
 WITHOUT_SIGN = ("frequency_Hz", "damping_ratio", "frequency_sd", "damping_sd", "shape_sd")
 
 
-@dataclass(frozen=True)
-class PlateModel:
+@dataclass(frozen=True, eq=False)
+class PlateModel(ByValue):
     """m modes of a plate, mass-normalised, in ascending frequency, as s accelerometers and r rods see them.
 
     frequency_Hz, damping_ratio (m,); a rigid-body mode has frequency zero.
@@ -151,8 +152,8 @@ class PlateModel:
 
     def _modal_force(self, force_N: Floats, places_m: Floats) -> Floats:
         places, force = (np.atleast_2d(finite(*given, 1)) for given in (("places_m", places_m), ("force_N", force_N)))
-        if len(places) != len(force):
-            raise RecognitionError(f"{len(force)} forces for {len(places)} places; needs one each")
+        if places.shape != (len(force), 2):
+            raise RecognitionError(f"{len(force)} forces for places of shape {places.shape}; needs (x, y) of each")
         return np.asarray(-self.shape(places[:, 0], places[:, 1]).T @ force, float)
 
     def save(self, file: str | Path) -> None:

@@ -17,13 +17,14 @@ from analysis.signals.records import (
     sample_rate_Hz,
 )
 from analysis.signals.resampling import resample
-from common.channels import name_and_unit, sensor_column, unit_of
+from common.channels import name_and_unit, plain_unit, sensor_column, unit_of
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.window import LEAST_SHARE
 from recognition.plate.plate_model import PlateModel
 
 M_S2 = {"m/s^2": 1.0, "mm/s^2": 1e-3, "g": 9.80665}
+FORCE_N = {"N": 1.0, "kN": 1e3}
 ACCELERATION = re.compile(r"acc_\w+_m_s2")
 MOST = 1e30  # of a sample in its unit
 LEAST_SAMPLES = 64  # the filters need a run-up
@@ -34,25 +35,31 @@ def record_table(path: str | Path, scale: float = 1.0, unit: str | None = None) 
     """The table of a run directory or of a file, and which file that is.
 
     Accelerations are `acc_NAME_m_s2` there. A column `NAME` or `acc_NAME` becomes that where its unit is one of
-    M_S2: that in brackets behind its name, or `unit` of all samples after `scale`. RecordError for what cannot be
-    read."""
+    M_S2: that in brackets behind its name, or `unit` of all samples after `scale`; `force` in one of FORCE_N becomes
+    force_N. RecordError for what cannot be read."""
     path = Path(path)
     source = str(path / "signals.parquet" if path.is_dir() else path)
-    refuse_unit(source, scale, unit)
+    unit = known_unit(source, scale, unit)
     table = read_signals(path)
     return pd.concat([table[[]], *(acceleration(table[name], scale, unit) for name in table)], axis=1), source
 
 
-def refuse_unit(source: str, scale: float, unit: str | None) -> None:
-    """RecordError for a unit that is none of accelerations, and a scale that is no factor."""
-    if unit is not None and unit not in M_S2:
+def known_unit(source: str, scale: float, unit: str | None) -> str | None:
+    """A unit in the spelling of M_S2. RecordError for one that is none of accelerations, and a scale that is no
+    factor."""
+    found = plain_unit(unit) if isinstance(unit, str) else unit
+    if found is not None and found not in list(M_S2):
         raise RecordError(f"{source}: unit = {unit!r}; must be one of {', '.join(M_S2)}")
-    refuse_scale(source, scale, unit)
+    refuse_scale(source, scale, found)
+    return found
 
 
 def acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Series:
-    """A column of accelerations in m/s^2 under its name, NaN where it holds no number; any other as it is."""
+    """A column of accelerations in m/s^2, or of the force in N, under its name, NaN where it holds no number; any other
+    as it is."""
     name, own = name_and_unit(str(column.name))
+    if name.lower() == "force" and own in FORCE_N:
+        return pd.to_numeric(column, errors="coerce").rename("force_N") * FORCE_N[own]
     if ACCELERATION.fullmatch(name):
         own = "m/s^2"
     elif unit_of(name) != "1" or own not in (None, *RAW, *M_S2) or (unit or own) not in M_S2:
@@ -106,6 +113,8 @@ def numbers(table: pd.DataFrame, name: str, source: object) -> Floats:
         raise RecordError(f"{source}: {name}: is there {values.shape[1]} times; must be there once")
     if values.size < LEAST_SAMPLES:
         raise RecordError(f"{source}: {name}: {values.size} samples; needs at least {LEAST_SAMPLES}")
-    if not (abs(values) <= MOST).all():  # of which squares and products are still numbers
-        raise RecordError(f"{source}: {name}: every sample must be finite, and at most {MOST:g}")
+    if not (usable := abs(values) <= MOST).all():  # of which squares and products are still numbers
+        first = int(usable.argmin())
+        raise RecordError(f"{source}: {name}: sample {first} is {values[first]:g}; every sample must be finite, and at "
+                          f"most {MOST:g}")
     return values

@@ -33,7 +33,7 @@ from recognition.regression.ratio_law import DISTANCES, RatioLaw, fit_law
 from recognition.sensors.channel_check import samples_before_impact
 
 
-@dataclass
+@dataclass(eq=False)
 class FeatureRegression(RecordEstimator):
     """A Gaussian process on one of FEATURES, of samples or sensors, taken of all accelerometers from the impact on; X
     has the shape (runs, copies, p).
@@ -85,9 +85,7 @@ class FeatureRegression(RecordEstimator):
 
     def answer(self, X: Sequence[Floats] | Floats) -> list[Answer]:
         """RecognitionError for another number of features."""
-        for x in (X := finite("X", X, 3)):
-            if x[0].shape != self.model_.mean.shape:
-                raise RecognitionError(f"{x[0].size} features; the model has {self.model_.mean.size}")
+        X = finite("X", X, 3)
         far = [reason_out_of_distribution(DISTANCES, self.model_.distances(x[0]), self.limits_) for x in X]
         return [replace(answer, out_of_distribution=reason) for answer, reason in
                 zip(super().answer(X), far, strict=True)]
@@ -118,14 +116,20 @@ class ProcessModel:
     def ratio(self, features: Floats) -> float:
         """Of the features (p,) of a record."""
         m = self.points.shape[1]
-        away = self.points - ((features - self.mean) / self.scale)[:m]
+        away = self.points - self.standardised(features)[:m]
         r = np.sqrt(5) * np.linalg.norm(away, axis=1) / self.length
         smooth = self.constant * np.exp(-r) * self.weights
         return float(self.offset + self.size * (smooth @ (1 + r + r**2 / 3)))
 
     def distances(self, features: Floats) -> Floats:
         """Distances of features (p,) from the training, shape (3,), see `LawEstimate.distances`."""
-        return self.law.estimate(((features - self.mean) / self.scale)[None]).distances
+        return self.law.estimate(self.standardised(features)[None]).distances
+
+    def standardised(self, features: Floats) -> Floats:
+        """Features (p,) of a record. RecognitionError for another number of them."""
+        if features.shape != self.mean.shape:
+            raise RecognitionError(f"{features.size} features; the model has {self.mean.size}")
+        return (features - self.mean) / self.scale
 
 
 def _process(z: Floats, y: Floats) -> GaussianProcessRegressor:
@@ -142,6 +146,8 @@ def fit_process(features: Floats, y: Floats, conditions: Floats | None = None,
     """Of features (runs, p) of records of ratio y (runs,); conditions, groups: of the law, as in `fit_law`, which
     raises RecognitionError."""
     mean, scale = features.mean(axis=0), features.std(axis=0)
+    if not scale.all():
+        raise RecognitionError(f"feature {int(scale.argmin())} has the same value in all {len(y)} training records")
     z = (features - mean) / scale
     process = _process(z, y)
     smooth = process.kernel_.k1

@@ -150,7 +150,8 @@ def _judged(ringing: Ringing, names: tuple[str, ...]) -> tuple[list[str], list[s
         mixed = [f"{names[i]} shows what {names[k]} should" for i, k in zip(own, ringing.order, strict=True) if i != k]
         return [], ["sensors swapped: " + ", ".join(mixed)]
     if ringing.misfit > limit:
-        return [], [f"{ringing.misfit:.0%} of the ringing is no motion of this plate, limit {limit:.0%}"]
+        return [], [f"{ringing.misfit:.0%} of the ringing is no motion of this plate, limit {limit:.0%}, or there was "
+                    f"a second blow within {1e3 * (AFTER_s[-1] + STRETCH_s):g} ms of the first"]
     told, refused = [], []
     for name, gain, sd in zip(names, ringing.gain, ringing.gain_sd, strict=True):
         if not GAIN_LIMITS[0] < gain < GAIN_LIMITS[1]:

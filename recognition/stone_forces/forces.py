@@ -40,8 +40,10 @@ SPEEDS_M_S = np.geomspace(1.5, 6.0, 25)  # of the share that breaks; between the
 #: fall on a slope, break at another speed.
 ALIKE = 0.25
 REFERENCE_m = 0.025  # radius at which a is told
-LOST = 0.05  # of log J, by which a stone that broke is below the median of its material
-LEAST_BROKEN = 4  # histories; of fewer no law is made, and no stone is taken to break
+#: Of log J, by which a stone that broke is below the median of its material: by so much, and by so many times what 84 %
+#: of the stones are at most above it, since stones that differ are below it as well.
+LOST, LOST_SD = 0.05, 2.0
+LEAST_BROKEN = 4  # histories; of fewer no law is made, and no stone is thought to break
 FORMAT = "stone forces 5"
 #: Of the rock of scenes/single.toml: the stones of the set "learnt" of lab/streams/stone_forces.py.
 SHIPPED = Path(__file__).parent / "stone_forces.json"
@@ -117,16 +119,17 @@ class StoneForces:
         size = np.log([h.radius_m / REFERENCE_m for h in histories])
         broke = np.zeros(len(rows), dtype=bool)
         for chosen in (~gangue, gangue):
-            broke[chosen] = rows[chosen, 2] < np.median(rows[chosen, 2]) - LOST if chosen.any() else False
-        if broke.sum() < LEAST_BROKEN:
-            broke[:] = False
+            if chosen.any():
+                middle, above = np.quantile(rows[chosen, 2], [0.5, 0.84])
+                broke[chosen] = rows[chosen, 2] < middle - max(LOST, LOST_SD * (above - middle))
+        pieces = rows[broke] if broke.sum() >= LEAST_BROKEN else rows[:0]
         fits = [_whole(rows[chosen & ~broke], size[chosen & ~broke]) for chosen in (~gangue, gangue)]
         speed = np.array([h.speed_m_s for h in histories])
-        share = [_share(broke[chosen], speed[chosen]) if broke.any() else np.zeros(len(SPEEDS_M_S))
+        share = [_share(broke[chosen], speed[chosen]) if len(pieces) else np.zeros(len(SPEEDS_M_S))
                  for chosen in (~gangue, gangue)]
         stones = [[h for h in histories if h.gangue == g] for g in (False, True)]
         return cls(form, np.array([one for one, _ in fits]), np.array([two for _, two in fits]),
-                   REFERENCE_m * np.exp([size.min(), size.max()]), *_together(rows[broke]), np.array(share),
+                   REFERENCE_m * np.exp([size.min(), size.max()]), *_together(pieces), np.array(share),
                    np.array([np.mean([h.start() for h in some]) for some in stones]),
                    np.array([np.mean([h.density_kg_m3 for h in some]) for some in stones]))
 

@@ -34,8 +34,9 @@ class Checks:
     def reason(self) -> str:
         """Which limits are exceeded, "" if none is. They lie between good records and those with a wrong ratio
         (docs/listening.md); a gain that is 5 % off does no harm."""
+        off = np.abs(self.gain - 1)
         found = [(f"{self.unexplained:.0%} of what happened is unexplained", self.unexplained, 0.08),
-                 ("a channel's gain is off", float(np.max(np.abs(self.gain - 1))), 0.1),
+                 (f"a channel's gain is off by {off.max():.0%}, that of channel {off.argmax() + 1}", off.max(), 0.1),
                  (f"{self.none:.0%} of what was heard is no stone as the others", self.none, 0.3),
                  (f"the stones are {self.beyond:.1f} standard deviations off --radius and --speed", self.beyond, 3.5),
                  (f"{self.misplaced:.0%} of the known stones seem to be of the other material", self.misplaced, 0.34),
@@ -44,7 +45,8 @@ class Checks:
                  (f"{self.unheard:.0%} of the stones of --radius and --speed are too weak to be heard in this noise",
                   self.unheard, 0.1),
                  ("the beginning is not quiet, or its noise changes", self.change, 1.8)]
-        return "; ".join(f"{text}, limit {limit:g}" for text, value, limit in found if value > limit)
+        return "; ".join(f"{text}, limit {limit:{'.0%' if '%' in text else 'g'}}" for text, value, limit in found
+                         if value > limit)
 
 
 def together(time_s: Floats) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
+from analysis.signals.resampling import rate_ratio
 from common.files.output_directory import at_work_in
 from common.files.parquet import write_parquet
 from common.files.whole import written_whole
@@ -117,8 +118,8 @@ def listen(record: str, plate: str, radius_m: tuple[float, float], speed_m_s: tu
     if watch and not live:
         raise RecognitionError("--watch: is for what comes live")
     try:
-        drops = () if known_file is None else read_known(known_file, tapped, prior, scale, unit)
-        known = Known(coal_first, drops)
+        others = () if known_file is None else read_known(known_file, tapped, prior, scale, unit)
+        known = Known(coal_first, others)
         if out is None:
             source = Source(record, follow)
             window = Window(window_s, step_s)
@@ -135,8 +136,9 @@ def _of_record(record: str, out: Path, tapped: PlateModel, prior: StonePrior, kn
     if values.shape[1] / RATE_Hz > MOST_RATIOS * window.step_s:
         raise RecognitionError(f"--step {window.step_s:g}: leads to more than {MOST_RATIOS} ratios; must be longer")
     found = recognise_stream(tapped, channels, prior, values, quiet_s, known, stop)
-    begin_s, end_s, taken_s = *map(float, table["t_s"].iloc[[0, -1]]), (values.shape[1] - 1) / RATE_Hz
-    clock = (end_s - begin_s) / taken_s if len(table) == values.shape[1] else 1.0  # of a record that is not resampled
+    begin_s, end_s = map(float, table["t_s"].iloc[[0, -1]])
+    rate_Hz = (len(table) - 1) / (end_s - begin_s)
+    clock = RATE_Hz / rate_Hz / (1 if len(table) == values.shape[1] else rate_ratio(round(rate_Hz), RATE_Hz))
     found = replace(found, stones=found.stones.assign(t_s=clock * found.stones["t_s"]))
     files = out / "stones.parquet", out / "ratio.parquet"
     with at_work_in(out, KIND):
@@ -178,6 +180,7 @@ class KnownTable(Table):
     record: Annotated[str, about("beside this file, as `listen` takes it")]
     kind: Annotated[Literal["coal", "gangue"], about("of all stones of the record")]
     silence_s: Annotated[float, Field(ge=QUIET_S, le=1e3), about("beginning without stones")] = QUIET_S
+    alike: Annotated[bool, about("whether they fall as the unknown ones do, from where those come")] = False
 
 
 class KnownFile(Table):
@@ -187,12 +190,12 @@ class KnownFile(Table):
 
 
 def read_known(path: str | Path, plate: PlateModel, prior: StonePrior, scale: float,
-               unit: str | None) -> Sequence[tuple[Sequence[Heard], int]]:
-    """The stones of each record that a file names, and their material. Raises InputError for the file, RecordError or
-    RecognitionError for a record."""
+               unit: str | None) -> Sequence[tuple[Sequence[Heard], int, bool]]:
+    """The stones of each record that a file names, their material and whether they are alike. Raises InputError for the
+    file, RecordError or RecognitionError for a record."""
     content: KnownFile = check(KnownFile, read_toml(path), path)
-    return [(_stones(Path(path).parent / one.record, one, plate, prior, scale, unit), MATERIALS.index(one.kind))
-            for one in content.known]
+    return [(_stones(Path(path).parent / one.record, one, plate, prior, scale, unit), MATERIALS.index(one.kind),
+             one.alike) for one in content.known]
 
 
 def _stones(file: Path, one: KnownTable, plate: PlateModel, prior: StonePrior, scale: float,

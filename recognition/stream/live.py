@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from analysis.signals.records import RecordError
 from analysis.signals.resampling import Resampler
 from common.result import Result, plain
 from recognition.estimation.arrays import Floats
@@ -20,7 +21,7 @@ from recognition.innovations.bank import TIME
 from recognition.innovations.prior import StonePrior
 from recognition.innovations.signatures import LEAD
 from recognition.plate.plate_model import PlateModel
-from recognition.plate.records import acceleration, refuse_unit
+from recognition.plate.records import acceleration, known_unit
 from recognition.stream.decision import Judge, Judged, Stop
 from recognition.stream.listen import PART, PARTS, Heard
 from recognition.stream.recognise import LEAST_DOUBT, RATE_SHARE, Ear, RATE_Hz, sensors_of
@@ -65,16 +66,18 @@ class Window:
 def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Known, stop: Stop | None, window: Window,
                 quiet_s: float, scale: float, unit: str | None, watch: bool = False) -> LiveResult:
     """Tell what is heard until no more comes, in JSON or, to `watch`, drawn. Raises RecordError, RecognitionError."""
-    unit = source.unit if unit is None else unit
-    refuse_unit(source.name, scale, unit)
+    unit = known_unit(source.name, scale, source.unit if unit is None else unit)
     ones = [acceleration(pd.Series([1.0], name=name), scale, unit) for name in source.channels]
     names = [str(one.name) for one in ones]
+    if len(set(names)) < len(names):
+        raise RecordError(f"{source.name}: channels = {source.channels}; must be different sensors")
     channels, columns = sensors_of(names, source.rate_Hz, plate, source.name)
     order = [names.index(name) for name in columns]
     factor = np.array([[float(ones[k].iloc[0])] for k in order])
     recorded_Hz = RATE_Hz if abs(source.rate_Hz / RATE_Hz - 1) < RATE_SHARE else round(source.rate_Hz)
-    clock = recorded_Hz / source.rate_Hz
     resampler = Resampler(recorded_Hz, RATE_Hz, len(order), source.name)
+    recorded_Hz = RATE_Hz * resampler.down / resampler.up
+    clock = recorded_Hz / source.rate_Hz
     if GLIBC is not None:
         GLIBC.mallopt(*ONE_HEAP)
     live = Live(Ear(plate, channels, prior, quiet_s, recorded_Hz), prior, known, stop, window)
@@ -179,10 +182,7 @@ class Live:
         coal = self.known.coal_first - len(self.coal) if self.judge is None else 0
         self.coal, unknown = self.coal + own[:coal], own[coal:]
         if self.judge is None and (unknown or ended):
-            drops = [(h, m) for stones, m in self.known.dropped for h in first_touches(stones)]
-            every = [*self.coal, *(h for h, _ in drops)]
-            material = np.r_[np.zeros(len(self.coal), dtype=int), np.array([m for _, m in drops], dtype=int)]
-            told = told_of(every, self.ear.prior, material, np.arange(len(every)) >= len(self.coal))
+            _, told = self.known.beside(self.coal, self.ear.prior)
             self.judge = Judge(told, self.prior, self.stop, LEAST_DOUBT)
         if self.judge is None:
             return
@@ -217,10 +217,12 @@ class Live:
         """All that are due, none where stones do not explain what is heard."""
         while (t_s := (self.steps + 1) * self.window.step_s) <= self.t_s:
             self.steps += 1
-            if self.reason or not self.stones:
+            if not self.stones:
                 continue
             stones = pd.concat(self.stones)
             self.stones = [stones[stones["t_s"] > t_s - self.window.window_s]]
+            if self.reason:
+                continue
             inside = self.stones[0][self.stones[0]["t_s"] <= t_s]
             values = [value for one in ratios_of(inside) for value in one]
             yield {"event": "ratio", "t_s": t_s, "stones": len(inside), **dict(zip(NAMES, values, strict=True))}

@@ -103,7 +103,7 @@ def _opened(record: str) -> Callable[[], bytes]:
     try:
         if record.startswith(TCP):
             host, _, port = record.removeprefix(TCP).rpartition(":")
-            connection = socket.create_connection((host, int(port)))
+            connection = socket.create_connection((host.strip("[]"), int(port)))
             return lambda: connection.recv(AT_ONCE)
         file = Path(record).open("rb", buffering=0)
         return lambda: file.read(AT_ONCE) or b""

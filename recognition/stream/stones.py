@@ -28,11 +28,18 @@ AGAIN_SAMPLES, AGAIN_M = 20, 0.05  # within which a weaker touch is of the same 
 
 @dataclass(frozen=True)
 class Known:
-    """Stones whose material one knows: the first of a record, which are coal, and those of other records (drops) with
-    their material, 0 coal and 1 gangue."""
+    """Stones whose material one knows: the first of a record, which are coal, and those of other records, with their
+    material, 0 coal and 1 gangue, and whether they fell as those of the record do."""
 
     coal_first: int = 0
-    dropped: Sequence[tuple[Sequence[Heard], int]] = ()
+    others: Sequence[tuple[Sequence[Heard], int, bool]] = ()
+
+    def beside(self, own: Sequence[Heard], hearing: StonePrior) -> tuple[list[Heard], Told]:
+        """Stones of a record, then those of others, and what is told of them all."""
+        others = [(h, m, alike) for stones, m, alike in self.others for h in first_touches(stones)]
+        every, first = [*own, *(h for h, _, _ in others)], np.arange(len(own)) < self.coal_first
+        material = np.r_[np.where(first, 0, UNKNOWN), [m for _, m, _ in others]].astype(int)
+        return every, told_of(every, hearing, material, np.r_[0 * first, [not alike for *_, alike in others]] > 0)
 
 
 UNKNOWN_ALL = Known()
@@ -59,17 +66,14 @@ def learnt_table(heard: Sequence[Heard], hearing: StonePrior, prior: StonePrior,
     1 - least_doubt, the share of stones whose material is wrong in a stream of known truth.
     """
     own = first_touches(sorted(heard, key=lambda h: h.stone[TIME]))
-    drops = [(h, m) for stones, m in known.dropped for h in first_touches(stones)]
-    material: Integers = np.r_[np.where(np.arange(len(own)) < known.coal_first, 0, UNKNOWN), [m for _, m in drops]]
-    every = [*own, *(h for h, _ in drops)]
     if not own:
         return pd.DataFrame(columns=COLUMNS), {}, None
-    told = told_of(every, hearing, material, np.arange(len(every)) >= len(own))
+    every, told = known.beside(own, hearing)
     law = LearntLaw.of(told, prior, rate_of(np.array([h.stone[TIME] for h in own]) / rate_Hz))
     by_law, none = law.probabilities(told, least_doubt)
-    chosen = np.flatnonzero((material == UNKNOWN) & (none < 0.5))
+    unknown = told.known == UNKNOWN
+    chosen = np.flatnonzero(unknown & (none < 0.5))
     table = rows_of([every[k] for k in chosen], told.only(chosen), law, prior, by_law[chosen], rate_Hz)
-    unknown = material == UNKNOWN
     count = len(heard) - known.coal_first
     checks = {"none": 1 - len(chosen) / count if count > 0 else 0.0, "beyond": law.beyond,
               "misplaced": law.misplaced(told) / max(np.sum(~unknown), 1)}

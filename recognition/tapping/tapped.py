@@ -156,13 +156,16 @@ class TapResult(Result):
     written, "" where one is.
 
     modes: columns, standard deviations (sd) in shares of the values; identified: do the taps tell anything of a mode?
-    sensors: by name gain, its sd, and rms of what is left of the taps and of noise, in shares of the records."""
+    sensors: by name gain, its sd, and rms of what is left of the taps and of noise, in shares of the records. taps,
+    with_force: how many there are, and how many of them have a measured force."""
 
     plate: Path | None
     plate_bytes: int
     modes: Mapping[str, list[Any]]
     sensors: Mapping[str, Mapping[str, float]]
     not_explained: str
+    taps: int = 0
+    with_force: int = 0
 
     def words(self) -> Iterator[str]:
         yield f"{'mode':>4} {'Hz':>8} {'+- %':>6} {'damping %':>9} {'+- %':>5} {'shape +- %':>10}"
@@ -172,6 +175,7 @@ class TapResult(Result):
         for name, one in self.sensors.items():
             yield (f"sensor {name}: gain {one['gain']:.3f} +- {one['gain_sd']:.3f}, "
                    f"left over {100 * one['misfit']:.1f} % of its taps, noise {100 * one['noise']:.1f} %")
+        yield f"{self.taps} taps, {self.with_force} with a measured force"
         if self.not_explained:
             yield f"NOT EXPLAINED, no plate written: {self.not_explained}"
         else:
@@ -192,14 +196,15 @@ def tap(scene_file: str, taps: str, out: str, max_frequency_Hz: float = 6000.0, 
     with told(f"{taps}: fit"):
         found = learnt(fit_plate(plate, given, prior), prior)
     modes, sensors = _table_of_modes(found), _sensors(found)
+    counts = len(given), sum(one.force_N is not None for one in given)
     try:
         refuse_unexplained(found)
     except NotRecognised as error:
-        return TapResult(None, 0, modes, sensors, str(error))
+        return TapResult(None, 0, modes, sensors, str(error), *counts)
     found.plate.save(Path(out))
     if uff is not None:
         write_modes(Path(uff), found.plate)
-    return TapResult(Path(out), Path(out).stat().st_size, modes, sensors, "")
+    return TapResult(Path(out), Path(out).stat().st_size, modes, sensors, "", *counts)
 
 
 def refuse_unexplained(found: Learnt) -> None:

@@ -29,6 +29,13 @@ def test_parts_add_up_to_the_record(rule):
     np.testing.assert_allclose(found.imfs.sum(axis=0) + found.residue, record.values, atol=1e-12)
 
 
+def test_a_record_that_would_fill_the_memory_is_refused():
+    long = np.zeros(10_000_001)
+    long[0] = 1.0
+    with pytest.raises(RecordError, match="10000001 samples; EMD takes at most 1e.07: take a part"):
+        decompose(as_record(long, RATE_HZ))
+
+
 @pytest.mark.parametrize("rule", STOPPING_RULES)
 def test_two_tones_come_apart(rule):
     fast, slow, _ = tones()

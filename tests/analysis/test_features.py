@@ -120,6 +120,7 @@ def test_energies_of_the_imfs_are_integrals_of_their_squares():
     shares = [value for name, value in found.items() if name.endswith("_energy_share")]
     assert energies[:2] == pytest.approx([9 * 0.5 / 2, 4 * 0.5 / 2], rel=0.03)
     assert sum(shares) == pytest.approx(1, rel=1e-9)
+    assert [signal_features(as_record(record, unit=u))["imf_1_energy"].unit for u in ("1", "m")] == ["s", "(m)^2 s"]
     assert found["marginal_spectrum_energy"] == pytest.approx(2 * sum(energies), rel=0.03)
 
 

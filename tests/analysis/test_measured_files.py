@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+from scipy.io import savemat, wavfile
 
 from analysis import RecordError, read_record
 from analysis.files.readers import read_signals
@@ -156,7 +157,7 @@ def test_fields_and_matrices_of_a_matlab_file(tmp_path):
 def test_hdf5_takes_rate_and_unit_from_attributes(tmp_path):
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "x.h5", "w") as file:
-        file.attrs["sample_rate"] = 500.0
+        file.attrs["Sample Rate"] = 500.0
         near, far = file.create_dataset("near/acc", data=A), file.create_dataset("far/acc", data=-A)
         near.attrs["units"] = "m/s²"
         far.attrs["wf_increment"] = 1e-3
@@ -283,3 +284,16 @@ def test_rounded_times_agree_with_the_rate_that_is_told(tmp_path):
     pd.DataFrame({"t_s": true_s.round(5), "a_m_s2": samples}).to_csv(tmp_path / "x.csv", index=False)
     with pytest.raises(RecordError, match="uniform sample rate; where times are rounded, give the sample rate"):
         read_record(tmp_path / "x.csv")
+
+
+def test_a_sound_file_that_is_cut_off_is_told_of(tmp_path, caplog):
+    wavfile.write(tmp_path / "x.wav", 8000, np.arange(500, dtype=np.int16))
+    assert read_record(tmp_path / "x.wav").values.size == 500 and not caplog.text
+    (tmp_path / "x.wav").write_bytes((tmp_path / "x.wav").read_bytes()[:600])
+    assert read_record(tmp_path / "x.wav").values.size == 278 and "fewer samples than it says" in caplog.text
+
+
+def test_a_file_without_real_numbers_says_so(tmp_path):
+    savemat(tmp_path / "x.mat", {"x": 1j * np.arange(9), "of": "steel"})
+    with pytest.raises(RecordError, match="x.mat: holds no signal"):
+        read_record(tmp_path / "x.mat")

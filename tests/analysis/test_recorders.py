@@ -109,13 +109,13 @@ def mobility(frequency_Hz):
     return 1 / (MASS_kg * (NATURAL_1_s**2 - w**2 + 2j * DAMPING * NATURAL_1_s * w))
 
 
-def uff_of(file, responses, frequency_Hz, unit="m"):
+def uff_of(file, responses, frequency_Hz, unit="m", force="N"):
     pyuff = pytest.importorskip("pyuff")
     sets = [pyuff.prepare_58(
         binary=0, func_type=4, rsp_node=1, rsp_dir=3, ref_node=2, ref_dir=3, data=response, x=frequency_Hz, id1=name,
         rsp_ent_name="N", ref_ent_name="N", abscissa_spacing=1, ord_data_type=6, num_pts=len(frequency_Hz),
         abscissa_min=float(frequency_Hz[0]), abscissa_inc=float(frequency_Hz[1] - frequency_Hz[0]),
-        ordinate_axis_units_lab=unit, orddenom_axis_units_lab="N", abscissa_axis_units_lab="Hz",
+        ordinate_axis_units_lab=unit, orddenom_axis_units_lab=force, abscissa_axis_units_lab="Hz",
         abscissa_spec_data_type=18, ordinate_spec_data_type=8, orddenom_spec_data_type=13, z_axis_spec_data_type=0)
         for name, response in responses.items()]
     pyuff.UFF(str(file)).write_sets(sets, "add")
@@ -138,6 +138,19 @@ def test_a_frequency_response_is_read_as_the_impulse_response_of_a_mass_on_a_spr
     exact = np.exp(-DAMPING * NATURAL_1_s * record.t_s) * np.sin(damped_1_s * record.t_s) / (MASS_kg * damped_1_s)
     beyond = 1 / (np.pi * MASS_kg * 2 * np.pi * frequency_Hz[-1])  # that frequencies above the last would add, at most
     np.testing.assert_allclose(record.values, exact, atol=1.02 * beyond)
+
+
+@pytest.mark.parametrize("code, labels, unit", [
+    (None, ("mm/s2", "N"), "mm/s^2/N/s"), (1, ("NONE", "NONE"), "m/N/s"), (5, ("NONE", "NONE"), "1/s"),
+    (None, ("NONE", "NONE"), "1/s")])
+def test_units_without_a_label_are_those_of_the_quantity_in_si_where_the_file_says_so(tmp_path, code, labels, unit):
+    pyuff, frequency_Hz = pytest.importorskip("pyuff"), np.arange(9.0)
+    if code:
+        one = pyuff.prepare_164(units_code=code, units_description="x", temp_mode=1, length=1.0, force=1.0, temp=1.0,
+                                temp_offset=0.0)
+        pyuff.UFF(str(tmp_path / "x.uff")).write_sets(one, "add")
+    uff_of(tmp_path / "x.uff", {"mass": mobility(frequency_Hz)}, frequency_Hz, *labels)
+    assert read_record(tmp_path / "x.uff").unit == unit
 
 
 def test_a_frequency_response_that_does_not_begin_at_zero_is_refused(tmp_path):

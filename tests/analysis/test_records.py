@@ -46,6 +46,13 @@ def test_array_series_and_files_give_the_same_record(tmp_path):
     np.testing.assert_allclose(bare.values, values, atol=1e-15)
 
 
+@pytest.mark.parametrize("make", [lambda r: r, decompose, marginal_spectrum, hilbert_spectrum])
+def test_what_holds_arrays_compares_by_their_values(make):
+    values = np.sin(np.arange(99.0)) + np.sin(0.2 * np.arange(99.0))
+    one, same, other = (make(as_record(factor * values, 10.0)) for factor in (1, 1, 2))
+    assert one == same != other and one != 3
+
+
 @pytest.mark.parametrize("name, unit", [("acc [g]", "g"), ("acc (m/s²)", "m/s^2"), ("acc_m_s2", "m/s^2"), ("acc", "1")])
 def test_a_series_has_the_units_behind_its_names(name, unit):
     record = as_record(pd.Series([0.0, 2.0, 1.0], index=pd.Index([0.0, 0.5, 1.0], name="t [ms]"), name=name))
@@ -207,9 +214,10 @@ def test_a_unit_and_a_name_count_for_a_record_too():
     assert (record.unit, record.name) == ("g", "new")
 
 
-@pytest.mark.parametrize("name", ["t_ms", "Time_ms", "Zeit [msec]", "time (mseconds)", "t [us]", "t [ns]"])
+@pytest.mark.parametrize("name", [
+    "t_ms", "Time_ms", "Zeit [msec]", "time (mseconds)", "t [us]", "t [ns]", "Seconds", "t (Sec)"])
 def test_times_are_found_with_the_unit_behind_their_name(tmp_path, name):
-    per_s = {"us": 1e6, "ns": 1e9}.get(name[-3:-1], 1e3)
+    per_s = {"us": 1e6, "ns": 1e9}.get(name[-3:-1], 1e3 if "m" in name else 1.0)
     pd.DataFrame({name: np.arange(9) * per_s / 2000, "acc": np.arange(9.0)}).to_csv(tmp_path / "x.csv", index=False)
     assert read_record(tmp_path / "x.csv").rate_Hz == pytest.approx(2000.0)
     assert read_signals(tmp_path / "x.csv")["t_s"].iloc[-1] == pytest.approx(8 / 2000)

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,13 @@ def test_runs_come_in_order_with_what_is_missing(sweep_path):
     assert sweep.missing == [0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9]
     assert sweep.stack("total_J").shape == (3, 267)
     assert sweep.runs[1].materials.count("gangue") == 5
+
+
+def test_runs_compare_by_what_they_hold(sweep_path):
+    sweep, again = read_sweep(sweep_path), read_sweep(sweep_path)
+    assert sweep == again and again.runs.index(read_run(sweep_path / "ratio_050")) == 1
+    again.runs[1] = replace(sweep.runs[1], signals=sweep.runs[1].signals + 1.0)
+    assert sweep != again and sweep.runs[0] != sweep.runs[1]
 
 
 def test_peaks_come_from_the_fast_stream(sweep_path):

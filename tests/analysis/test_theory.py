@@ -227,5 +227,12 @@ def test_there_is_no_beam_beyond_its_supports():
 @pytest.mark.parametrize("wrong", [{"speed_m_s": 0.0}, {"restitution": 0.0}, {"restitution": 2.0},
                                    {"compliance_m_N": -1e-8}, {"radius_m": -0.02}])
 def test_what_is_no_impact_is_refused(wrong):
-    with pytest.raises(RecordError, match="must be above 0"), np.errstate(invalid="ignore"):
+    with pytest.raises(RecordError, match="must be finite and above 0"), np.errstate(invalid="ignore"):
         peak_force_N(STATES["FN"], COAL, **wrong)
+
+
+@pytest.mark.parametrize("wrong", [{"speed_m_s": np.nan}, {"restitution": 0.0}, {"restitution": 1.5}, {"mass_kg": -0.1},
+                                   {"plate": Spring(0.0, 1.0)}, {"plate": Spring(1e-7, -1.0)}])
+def test_a_force_history_is_of_an_impact(wrong):
+    with pytest.raises(RecordError, match="above 0"):
+        force_history("flores", **{"stiffness": 1e9, "mass_kg": 0.1, "speed_m_s": 3.0, "restitution": 0.5} | wrong)

@@ -37,6 +37,11 @@ def test_centre_edge_and_outside():
     assert far == pytest.approx([-(1 - 2 * nu) / 27, (1 - 2 * nu) / 27, 0, 0], abs=1e-9)
 
 
+def test_whole_numbers_are_a_point_and_a_pull_is_no_contact():
+    assert contact_surface_stress(HertzContact(0, 0, 10.0, 0.025, 5e9), [0, 0], 0.3).shape == (1, 4)
+    assert HertzContact(0, 0, -5.0, 0.025, 5e9).contact_radius_m == 0
+
+
 def test_surface_stress_is_in_equilibrium_with_the_in_plane_strain_of_the_pressure():
     """At the surface of a half-space sx + sy = -(1 + 2 nu) p, p the local pressure (Johnson 1985, 3.2)."""
     points = np.random.default_rng(0).uniform(-4e-3, 4e-3, (300, 2))

@@ -97,6 +97,12 @@ def test_an_interval_that_is_no_length_of_time_is_refused(interval_s):
         motion_of(0.01, interval_s)
 
 
+@pytest.mark.parametrize("damping", [-0.01, 1.0, 1.2, np.nan])
+def test_a_mode_that_does_not_oscillate_is_refused(damping):
+    with pytest.raises(InputError, match="damping_ratio: must be from 0 to below 1"):
+        motion_of(damping, 5e-6)
+
+
 def test_what_is_not_finite_is_refused_and_moves_nothing():
     motion, bad = motion_of(0.01, 5e-6), np.full(len(FREQUENCY_Hz), np.nan)
     state = motion.state.copy()

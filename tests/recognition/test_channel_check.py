@@ -67,6 +67,14 @@ def test_gains_of_a_ringing_plate(plate):
     assert found.misfit < 1e-2 and found.order == (0, 1, 2, 3)
 
 
+def test_a_second_blow_is_named_beside_another_plate(plate):
+    force = np.zeros((2, 600))
+    for k, at in enumerate((0.005, 0.015)):
+        force[k, round(at * RATE_Hz):round(at * RATE_Hz) + 5] = 1000.0
+    (refused,) = check_channels(plate.response(force, [[0.06, -0.11], [-0.09, 0.02]], RATE_Hz), RATE_Hz, plate).refused
+    assert "is no motion of this plate" in refused and "or there was a second blow within 18 ms" in refused
+
+
 def test_wrong_input_is_refused(plate, good):
     with pytest.raises(RecognitionError, match="needs 4 channels"):
         check_channels(good[0][:3], RATE_Hz, plate)

@@ -104,3 +104,9 @@ def test_forces_that_are_not_finite_and_no_rate_are_refused(model):
     for force, place, rate_Hz in ((np.nan, 0.0, 1e4), (1.0, np.inf, 1e4), (1.0, 0.0, 0.0), (1.0, 0.0, -1.0), (1.0, 0.0, np.nan)):
         with pytest.raises(RecognitionError, match="finite"):
             model.response([[force, 0.0]], [[place, 0.0]], rate_Hz)
+
+
+@pytest.mark.parametrize("places", [[[0.0, 0.0, 0.02]], [[0.0, 0.0], [0.1, 0.0]]])
+def test_a_force_acts_at_one_point_of_the_plate(model, places):
+    with pytest.raises(RecognitionError, match="needs \\(x, y\\) of each"):
+        model.response([[1.0, 0.0]], places, 1e4)

@@ -28,6 +28,12 @@ def test_units_and_names(tmp_path, name, scale, unit, factor):
     np.testing.assert_allclose(table["t_s"], T_s, rtol=1e-12)
 
 
+@pytest.mark.parametrize("name, factor", [("Force [kN]", 1e3), ("force (N)", 1.0)])
+def test_a_force_has_any_unit(tmp_path, name, factor):
+    pd.DataFrame({"t_s": T_s, name: X}).to_csv(tmp_path / "a.csv", index=False)
+    np.testing.assert_allclose(record_table(tmp_path / "a.csv", 9.81, "g")[0]["force_N"], factor * X, rtol=1e-12)
+
+
 def test_a_column_without_a_unit_is_left_alone_and_another_unit_is_refused(tmp_path):
     pd.DataFrame({"t_s": T_s, "A": X}).to_csv(tmp_path / "a.csv", index=False)
     assert list(record_table(tmp_path / "a.csv")[0]) == ["t_s", "A"]
@@ -41,7 +47,7 @@ def test_text_among_samples_is_refused_and_a_column_of_text_passed_over(tmp_path
     text = [*X[:5].astype(str), "oops", *X[6:].astype(str)]
     pd.DataFrame({"t_s": T_s, name: text, "note": "dry"}).to_csv(tmp_path / "a.csv", index=False)
     table, source = record_table(tmp_path / "a.csv", 2.0, "g")
-    with pytest.raises(RecordError, match="acc_A_m_s2: every sample must be finite"):
+    with pytest.raises(RecordError, match="acc_A_m_s2: sample 5 is nan; every sample must be finite"):
         numbers(table, "acc_A_m_s2", source)
     table[[]].to_parquet(tmp_path / "none.parquet")
     assert record_table(tmp_path / "none.parquet", 2.0, "g")[0].empty
@@ -117,4 +123,4 @@ def test_what_is_no_acceleration_becomes_none_and_another_unit_needs_a_scale(tmp
     with pytest.raises(RecordError, match="B: unit = 'm/s.2'; samples are in 'g'"):
         record_table(tmp_path / "x.csv", 1.0, "m/s^2")
     found = record_table(tmp_path / "x.csv", 2.0, "m/s^2")[0]
-    assert list(found) == ["t_s", "Force [N]", "acc_A_m_s2", "acc_B_m_s2"] and found["acc_A_m_s2"][0] == 4.0
+    assert list(found) == ["t_s", "force_N", "acc_A_m_s2", "acc_B_m_s2"] and found["acc_A_m_s2"][0] == 4.0

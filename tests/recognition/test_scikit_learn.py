@@ -6,13 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression
 from sklearn.model_selection import GridSearchCV, LeaveOneOut, cross_val_predict, cross_val_score
 from sklearn.utils.estimator_checks import check_estimator
 
-from analysis import read_sweep
+from analysis import RecordError, read_sweep
 from lab.recognition.baselines import EstimatorMethod
-from recognition import Fusion, FusionPipeline, FusionQ, RecognitionError, Rule, Strategy
+from recognition import Fusion, FusionPipeline, FusionQ, Model, RecognitionError, Rule, Strategy
 from recognition.regression.feature_regression import FeatureRegression
 from tests.analysis.synthetic import write_sweep
 
@@ -47,6 +48,37 @@ def test_scikit_learns_own_checks(kind):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what it leaves out: three dimensions
         check_estimator(MADE[kind]())
+
+
+@pytest.mark.parametrize("use", [
+    lambda: FusionQ().predict(np.ones((2, 1, 8))), lambda: FusionPipeline().answer(np.ones((2, 1, 3, 9))),
+    lambda: FeatureRegression("rms").answer(np.ones((2, 1, 4))), lambda: Fusion().transform(np.ones((3, 9))),
+    lambda: Strategy().predict(np.ones(9)), lambda: FusionQ().summary()])
+def test_what_was_not_fitted_says_so(use):
+    with pytest.raises(NotFittedError, match="is not fitted yet; call fit first"):
+        use()
+    assert Fusion() != Fusion() and not hasattr(FusionQ(), "nothing")
+
+
+@pytest.mark.filterwarnings("ignore:An input array is constant")
+@pytest.mark.parametrize("kind", [FusionQ, FeatureRegression], ids=lambda kind: kind.__name__)
+def test_another_number_of_features_and_one_that_never_changes_are_refused(kind):
+    X = np.random.default_rng(1).normal(0, 0.01, (11, 1, 8)) + RATIOS[:, None, None]
+    method = MADE[kind]().fit(X, RATIOS)
+    for use in (method.predict, method.answer):
+        with pytest.raises(RecognitionError, match="3 features; the model has 8"):
+            use(X[:2, :, :3])
+    X[:, :, 2] = 7.0
+    with pytest.raises(RecognitionError, match="2 has the same value in all"):
+        MADE[kind]().fit(X, RATIOS)
+
+
+def test_what_is_no_table_of_signals_with_times_is_refused(runs):
+    with pytest.raises(RecognitionError, match="no column 't_s'"):
+        FusionQ().prepare(runs[0].signals[["a_m_s2"]])
+    for signals in (runs[0], runs[0].signals.to_numpy()):
+        with pytest.raises(RecordError, match="must be a table with t_s and signals"):
+            Model.recognise(object.__new__(Model), signals)
 
 
 @pytest.mark.slow

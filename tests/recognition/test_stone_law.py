@@ -253,17 +253,30 @@ def test_a_ratio_that_may_be_off_says_why(prior, radius_m, known, said):
     assert ("0.0155 to 0.0338 m" in "".join(found)) == (radius_m != (0.02, 0.03))
 
 
-def test_stones_in_a_table(prior):
-    """Known stones and second touches are not in it; masses as either material are those of spheres."""
-    rng = np.random.default_rng(8)
-    x = fallen(np.arange(20) >= 10, rng)
-    covariance = np.zeros((6, 6))
+@pytest.fixture
+def twenty(prior):
+    """Ten stones of coal and ten of gangue, as they are heard."""
+    covariance, heard = np.zeros((6, 6)), []
     covariance[np.ix_(TRIPLE, TRIPLE)] = np.linalg.inv(np.linalg.inv(COVARIANCE) + prior.precision)
-    heard = []
-    for k, one in enumerate(x):
+    for k, one in enumerate(fallen(np.arange(20) >= 10, np.random.default_rng(8))):
         stone = np.zeros(6)
         stone[TRIPLE], stone[TIME] = one, 1000.0 * k
         heard.append(SimpleNamespace(stone=stone, covariance=covariance, misfit=1.0))
+    return heard
+
+
+def test_known_stones_beside_those_of_a_record(prior, twenty):
+    """The first of the record, and those of other records, of which some fell as those of the record do."""
+    known = Known(2, [(twenty[5:7], 0, False), (twenty[15:18], 1, True)])
+    every, told = known.beside(twenty[:4], prior)
+    assert every == twenty[:4] + twenty[5:7] + twenty[15:18]
+    assert told.known.tolist() == [0, 0, UNKNOWN, UNKNOWN, 0, 0, 1, 1, 1]
+    assert told.dropped.tolist() == [False] * 4 + [True] * 2 + [False] * 3
+
+
+def test_stones_in_a_table(prior, twenty):
+    """Known stones and second touches are not in it; masses as either material are those of spheres."""
+    heard = twenty
     again = SimpleNamespace(**vars(heard[3]) | {"stone": heard[3].stone - np.eye(6)[IMPULSE] + 10 * np.eye(6)[TIME]})
     elsewhere = replace_place(again, 0.1)
     assert len(first_touches([*heard[:4], again])) == 4 and len(first_touches([*heard[:4], elsewhere])) == 5
@@ -284,8 +297,8 @@ def test_file_of_known_stones(tmp_path, monkeypatch, prior):
     monkeypatch.setattr(heard, "hear", lambda plate, channels, prior, values, quiet_s: SimpleNamespace(
         heard=[values, quiet_s], checks=SimpleNamespace(reason=lambda: reasons[values])))
     file = tmp_path / "known.toml"
-    file.write_text('[[known]]\nrecord = "a.csv"\nkind = "coal"\n[[known]]\nrecord = "b.csv"\nkind = "gangue"\nsilence_s = 2')
-    assert heard.read_known(file, None, prior, 1.0, None) == [(["a.csv", 0.02], 0), (["b.csv", 2.0], 1)]
+    file.write_text('[[known]]\nrecord = "a.csv"\nkind = "coal"\n[[known]]\nrecord = "b.csv"\nkind = "gangue"\nsilence_s = 2\nalike = true')
+    assert heard.read_known(file, None, prior, 1.0, None) == [(["a.csv", 0.02], 0, False), (["b.csv", 2.0], 1, True)]
     reasons["b.csv"] = "a channel's gain is off"
     with pytest.raises(RecognitionError, match="b.csv: known stones are not explained: a channel's gain"):
         heard.read_known(file, None, prior, 1.0, None)

@@ -16,7 +16,7 @@ from recognition.innovations.signatures import Channels
 from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import load_forces, save_forces
-from recognition.stream.checks import together, without_offset_and_hum
+from recognition.stream.checks import Checks, together, without_offset_and_hum
 from recognition.stream.fit import Window
 from recognition.stream.listen import KEPT, PART, Listener
 from recognition.stream.recognise import RATE_Hz, channels_of, recognise_stream
@@ -33,6 +33,14 @@ def test_law_of_elastic_spheres(forces):
         mean = forces.mean(int(gangue), np.array(0.018), np.array(2.9))
         assert np.exp(mean[[0, 2]]) == pytest.approx([duration, impulse], rel=0.01)
         assert impulse == pytest.approx(2 * stone.mass_kg * 2.9, rel=0.01)
+
+
+def test_a_reason_names_the_channel_and_gives_limits_as_it_gives_values():
+    found = Checks(unexplained=0.4, gain=np.array([1.02, 0.7, 1.05]), together=0.0, change=2.0, unheard=0.0, beyond=4.0)
+    assert found.reason() == (
+        "40% of what happened is unexplained, limit 8%; a channel's gain is off by 30%, that of channel 2, limit 10%; the "
+        "stones are 4.0 standard deviations off --radius and --speed, limit 3.5; the beginning is not quiet, or its noise "
+        "changes, limit 1.8")
 
 
 def test_file_of_the_law(forces, tmp_path):

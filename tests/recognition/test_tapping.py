@@ -110,7 +110,8 @@ def test_command_writes_the_plate(truth, tmp_path, capsys):
     assert main(["tap", *write_taps(tmp_path, taps, truth.sensor_names)]) == 0
     plate = PlateModel.load(tmp_path / "plate.json")
     assert np.min(abs(plate.frequency_Hz[:, None] / truth.frequency_Hz[3:8] - 1), axis=0).max() < 2e-3
-    assert "not identified" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "not identified" in said and f"\n{len(PLACES)} taps, {len(PLACES)} with a measured force\n" in said
 
 
 @pytest.mark.parametrize("change, said", [
