@@ -68,8 +68,8 @@ sanitize: setup .venv/test  ## the engine with address and undefined-behaviour s
 	  CHECKS='-O1 -g -fno-omit-frame-pointer -fsanitize=address,undefined -D_GLIBCXX_ASSERTIONS'
 	LIGGGHTS_BONDED=$(abspath build/sanitize/liggghts-bonded) $(PYTHON) -m pytest -q --durations 0 tests/robustness/sanitized.py
 
-bench: setup  ## cost and results of the bonds beside peers, into runs/bench
-	$(PYTHON) -m lab run peers --out runs/bench
+bench: setup  ## cost and results of the bonds beside other codes, into runs/bench
+	$(PYTHON) -m lab run codes --out runs/bench
 
 accuracy: setup  ## error against run time, and what each part of a scene costs, into runs/accuracy
 	$(PYTHON) -m lab run work_precision tolerance omissions free_flight --out runs/accuracy

@@ -69,7 +69,7 @@ CASES = {case.name: case for case in (
     Case("two_stones", "lab.rock.two_stones", "sub-spheres of two stones that meet", "Hertz' elastic spheres", STONE),
     Case("two_cubes", "lab.rock.two_stones", "sub-spheres of two cubes that meet face on face", "an elastic solid",
          (*STONE, "lab/rock/faces.py", "lab/rock/elastic_solid.py")),
-    Case("peers", "lab.speed.peers", "program, on the same agglomerate", "stock LIGGGHTS with Hertz contacts",
+    Case("codes", "lab.speed.codes", "program, on the same agglomerate", "stock LIGGGHTS with Hertz contacts",
          ("dem/engine", "lab/speed/benchmark.liggghts.j2")),
     Case("scaling", "lab.speed.scaling", "stones and sub-spheres, one rank or two", "one another", STONE),
     Case("stream_cost", "lab.speed.stream", "stones of a stream and their rate", "stones alone",

