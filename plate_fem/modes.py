@@ -76,7 +76,7 @@ class PlateModes(ByValue):
 
     @cached_property
     def momentum(self) -> np.ndarray:
-        """(n,): upward momentum of plate and rods per rate, of a plate that nothing but rods holds.
+        """(n,): upward momentum of plate and rods per rate, of a plate that rods alone hold, or edges without rods.
 
         Lifted as a whole by the feet of its rods, the plate moves by the sum of all modes times their momentum, if
         there are residual modes of the rods. A mode gives the feet omega^2 times as much force as it has momentum; one
@@ -84,7 +84,7 @@ class PlateModes(ByValue):
         """
         omega_squared = (2 * np.pi * self.frequency_Hz) ** 2
         return np.divide(self.rod_force.sum(axis=0), omega_squared, out=self.mass_kg * self.mean_shape,
-                         where=omega_squared > 0)
+                         where=(omega_squared > 0) & (len(self.rod_force) > 0))
 
     @cached_property
     def node_m(self) -> np.ndarray:

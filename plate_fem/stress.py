@@ -17,27 +17,27 @@ def surface_stress(modes: PlateModes, amplitude: np.ndarray) -> np.ndarray:
     """Return the stress (n_nodes, 3, ...) in Pa at the top surface, sx, sy and txy, for modal amplitudes (n, ...).
 
     The bottom has the opposite sign. The local stress under a contact is not included. Raises InputError for amplitudes
-    that are not finite.
+    that are not finite, or of another number of modes.
 
     >>> modes = plate_modes(read_plate("scenes/small.toml").model_copy(update={"max_frequency_Hz": 500.0}))
     >>> surface_stress(modes, np.ones(modes.frequency_Hz.size)).shape == (len(modes.node_m), 3)
     True
     """
     amplitude, (*at, n) = np.asarray(amplitude, np.float32), modes.surface_stress.shape
-    if not np.isfinite(amplitude).all():
-        raise InputError("amplitude: must be finite")
+    if amplitude.shape[:1] != (n,) or not np.isfinite(amplitude).all():
+        raise InputError(f"amplitude: has shape {amplitude.shape}; must be finite, one of each of {n} modes")
     return (modes.surface_stress.reshape(-1, n) @ amplitude).reshape(*at, *amplitude.shape[1:]).astype(float)
 
 
 def von_mises(stress: np.ndarray) -> np.ndarray:
     """Return the von Mises stress (...,) of plane stress (..., 3) with columns sx, sy, txy. Raises InputError for
-    what is not finite.
+    what is not finite, or of other columns.
 
     >>> von_mises(np.array([[2e6, 0.0, 0.0], [1e6, 1e6, 0.0]])).tolist()  # along one axis, and along both
     [2000000.0, 1000000.0]
     """
-    if not np.isfinite(stress).all():
-        raise InputError("stress: must be finite")
+    if np.shape(stress)[-1:] != (3,) or not np.isfinite(stress).all():
+        raise InputError(f"stress: has shape {np.shape(stress)}; must be finite, with columns sx, sy, txy")
     sx, sy, txy = np.moveaxis(np.asarray(stress), -1, 0)
     return np.sqrt(sx**2 - sx * sy + sy**2 + 3 * txy**2)
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from analysis.files.text_tables import encoding_of
 from analysis.signals.records import RecordError
+from common.channels import unit_of
 from common.input_error import optional_library
 
 RATES = ("rate_hz", "fs", "fs_hz", "rate", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "srate")
@@ -49,7 +50,7 @@ class Arrays:
     def rate_Hz(self, name: str) -> float | None:
         """The sample rate that the file gives for a signal, the nearest group first."""
         numbers = {key.lower(): value for key, value in self.numbers.items()}
-        for place in (name, name.split(":")[0], *_groups(name)):
+        for place in _places(name):
             for key in RATES:
                 if f"{place}/{key}".lstrip("/").lower() in numbers:
                     return numbers[f"{place}/{key}".lstrip("/").lower()]
@@ -59,11 +60,22 @@ class Arrays:
                     return 1.0 / interval_s
         return None
 
+    def unit(self, name: str) -> str:
+        """That of the signal, by its name, or of the groups that hold it; "1" where none is told."""
+        told = [self.units.get(place, "") for place in _places(name)]
+        named = unit_of(name.rsplit("/", 1)[-1])
+        return next((unit for unit in (*told[:2], named, *told[2:]) if unit not in ("", "1")), "1")
+
     def beside(self, name: str) -> dict[str, np.ndarray]:
         """Arrays of the same length in the group of a signal, by the last part of their names."""
         group, size = _groups(name)[0], self.signals[name].size
         return {key.rsplit("/", 1)[-1]: values for key, values in self.signals.items()
                 if _groups(key)[0] == group and values.size == size and key != name}
+
+
+def _places(name: str) -> list[str]:
+    """Where a file may say something of a signal."""
+    return [name, name.split(":")[0], *_groups(name)]
 
 
 def _groups(name: str) -> list[str]:
@@ -84,6 +96,8 @@ def read_matlab(path: Path) -> Arrays:
         raise RecordError(f"{path}: not a readable MATLAB file ({' '.join(str(error).split())})") from None
     arrays = Arrays()
     for name, value in _flat(content):
+        if isinstance(value, str) and name.rsplit("/", 1)[-1].lower() in UNITS:
+            arrays.units[_groups(name)[0]] = value
         arrays.add(name, value)
     return arrays
 

@@ -261,7 +261,7 @@ def _from_arrays(arrays: Arrays, source: str, column: str | None, time: str | No
     names = [name for name in arrays.signals if not _says_time(_last(name)) and _last(name) != time]
     column = _signal_of(names, source, column)
     beside, values = arrays.beside(column), arrays.signals[column]
-    unit = plain_unit(arrays.units.get(column) or arrays.units.get(column.split(":")[0]) or unit_of(_last(column)))
+    unit = plain_unit(arrays.unit(column))
     time = _time_of(list(beside), source, time)
     if time is not None:
         t_s = seconds(time, beside[time], source)

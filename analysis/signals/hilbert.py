@@ -136,7 +136,7 @@ def marginal_spectrum(signal: Decomposition | Signal, *, kind: str = "amplitude"
 def hilbert_spectrum(signal: Decomposition | Signal, *, bin_width_Hz: float = BIN_WIDTH_HZ,
                      times: int = 100) -> HilbertSpectrum:
     """Return the Hilbert spectrum, of a decomposition or a signal, on equal cells of frequency and time. Raises
-    RecordError for a width that is not > 0, and no times.
+    RecordError for a width that is not > 0, and no times. There are at most as many times as samples.
 
     >>> record = Record(np.cos(2 * np.pi * 70 * np.arange(1000) / 1e3), rate_Hz=1000.0)
     >>> spectrum = hilbert_spectrum(decompose(record), bin_width_Hz=20.0, times=4)
@@ -147,11 +147,12 @@ def hilbert_spectrum(signal: Decomposition | Signal, *, bin_width_Hz: float = BI
         raise RecordError(f"times = {times}; must be at least 1")
     decomposition = _decomposed(signal)
     record = decomposition.record
+    times = min(times, record.values.size)
+    cell = np.arange(record.values.size) * times // record.values.size  # of each sample, whatever times are rounded to
     edges_Hz = frequency_edges_Hz(record.rate_Hz, bin_width_Hz)
     edges_s = record.t0_s + np.linspace(0, record.values.size / record.rate_Hz, times + 1)
     total = np.zeros((edges_Hz.size - 1, times))
     for imf in decomposition.imfs:
         amplitude, frequency_Hz = instantaneous(imf, record.rate_Hz)
-        total += np.histogram2d(frequency_Hz, record.t_s, bins=(edges_Hz, edges_s), weights=amplitude)[0]
-    samples, _ = np.histogram(record.t_s, bins=edges_s)
-    return HilbertSpectrum(edges_s, edges_Hz, total / np.maximum(samples, 1))
+        total += np.histogram2d(frequency_Hz, cell, bins=(edges_Hz, np.arange(times + 1)), weights=amplitude)[0]
+    return HilbertSpectrum(edges_s, edges_Hz, total / np.bincount(cell))

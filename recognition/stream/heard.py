@@ -133,8 +133,9 @@ def _of_record(record: str, out: Path, tapped: PlateModel, prior: StonePrior, kn
                window: Window, quiet_s: float, scale: float, unit: str | None) -> ListenResult:
     table, source = record_table(record, scale, unit)
     channels, values = channels_of(table, tapped, source)
-    if values.shape[1] / RATE_Hz > MOST_RATIOS * window.step_s:
-        raise RecognitionError(f"--step {window.step_s:g}: leads to more than {MOST_RATIOS} ratios; must be longer")
+    if not 1 <= (ratios := round(values.shape[1] / RATE_Hz / window.step_s)) <= MOST_RATIOS:
+        raise RecognitionError(f"--step {window.step_s:g}: leads to {ratios} ratios over time; must lead to 1 to "
+                               f"{MOST_RATIOS}")
     found = recognise_stream(tapped, channels, prior, values, quiet_s, known, stop)
     begin_s, end_s = map(float, table["t_s"].iloc[[0, -1]])
     rate_Hz = (len(table) - 1) / (end_s - begin_s)

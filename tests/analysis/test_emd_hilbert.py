@@ -219,5 +219,7 @@ def test_what_gives_no_spectrum_is_refused():
                 spectrum(found, bin_width_Hz=width_Hz)
     with pytest.raises(RecordError, match="times = 0"):
         hilbert_spectrum(found, times=0)
+    spectrum = hilbert_spectrum(found, times=10**9)
+    assert spectrum.amplitude.shape[1] == found.record.values.size and spectrum.amplitude.sum(axis=0).all()
     with pytest.raises(RecordError, match="t0_s = nan"):
         Record(x, 1e3, t0_s=np.nan)

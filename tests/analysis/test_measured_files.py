@@ -148,8 +148,10 @@ def test_matlab_files_of_either_kind(tmp_path, write):
 
 
 def test_fields_and_matrices_of_a_matlab_file(tmp_path):
-    matlab_5(tmp_path / "x.mat", {"run": {"acc": np.column_stack([A, 2 * A]), "dt": 5e-4}, "text": "impact"})
+    matlab_5(tmp_path / "x.mat", {"run": {"acc": np.column_stack([A, 2 * A]), "force_N": A, "dt": 5e-4, "unit": "g"},
+                                  "text": "impact"})
     record = read_record(tmp_path / "x.mat", column="acc:1")
+    assert record.unit == "g" and read_record(tmp_path / "x.mat", column="force_N").unit == "N"
     np.testing.assert_array_equal(record.values, 2 * A)
     assert record.rate_Hz == pytest.approx(2000.0)
 
@@ -161,9 +163,10 @@ def test_hdf5_takes_rate_and_unit_from_attributes(tmp_path):
         near, far = file.create_dataset("near/acc", data=A), file.create_dataset("far/acc", data=-A)
         near.attrs["units"] = "m/s²"
         far.attrs["wf_increment"] = 1e-3
+        file["far"].attrs["unit"] = "mV"
     near, far = (read_record(tmp_path / "x.h5", column=f"{name}/acc") for name in ("near", "far"))
     np.testing.assert_array_equal(near.values, A)
-    assert (near.rate_Hz, near.unit, far.rate_Hz) == (500.0, "m/s^2", pytest.approx(1000.0))
+    assert (near.rate_Hz, near.unit, far.rate_Hz, far.unit) == (500.0, "m/s^2", pytest.approx(1000.0), "mV")
     with pytest.raises(RecordError, match="near/acc"):
         read_record(tmp_path / "x.h5", column="acc")
 

@@ -173,3 +173,9 @@ def test_a_plate_without_a_mode_is_refused():
     """It stands on a rod: no part of it is free to move as a whole."""
     with pytest.raises(Refused, match="no mode of plate and rods lies below it"):
         plate_modes(TABLE.model_copy(update={"max_frequency_Hz": 1.0}))
+
+
+def test_momentum_of_a_plate_that_its_edges_hold():
+    """A simply supported square one: 8 / pi^2 of the root of its mass, in its first mode."""
+    found = plate_modes(plate(edges="simply_supported", max_frequency_Hz=1500.0, theory="kirchhoff"))
+    assert abs(found.momentum[0]) == pytest.approx(8 / np.pi**2 * np.sqrt(found.mass_kg), rel=1e-4)

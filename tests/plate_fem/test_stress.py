@@ -114,9 +114,11 @@ def test_von_mises():
     assert von_mises([[0.0, 0.0, 10.0], [50.0, -50.0, 0.0]]) == pytest.approx([10 * math.sqrt(3), 50 * math.sqrt(3)])
 
 
-def test_what_is_not_finite_is_refused():
+def test_what_is_not_finite_or_of_another_shape_is_refused():
     modes = plate_modes(plate(max_frequency_Hz=600.0))
-    with pytest.raises(InputError, match="amplitude: must be finite"):
-        surface_stress(modes, np.full(len(modes.frequency_Hz), np.nan))
-    with pytest.raises(InputError, match="stress: must be finite"):
-        von_mises([1e6, np.nan, 0.0])
+    for amplitude in (np.full(len(modes.frequency_Hz), np.nan), np.ones(len(modes.frequency_Hz) + 1), 1.0):
+        with pytest.raises(InputError, match="amplitude: .*must be finite, one of each of"):
+            surface_stress(modes, amplitude)
+    for stress in ([1e6, np.nan, 0.0], [1e6, 0.0], 1e6):
+        with pytest.raises(InputError, match="stress: .*must be finite, with columns sx, sy, txy"):
+            von_mises(stress)

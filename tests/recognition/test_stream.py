@@ -222,6 +222,7 @@ def test_times_are_those_of_the_centres(heard):
     (lambda t: t, ("--radius", "25", "25"), "--radius 25 25: must be two numbers above 0, below 1 m"),
     (lambda t: t, ("--speed", "200", "400"), "above 0, below 100"),
     (lambda t: t, ("--step", "0"), "must be a time, at least 0.001 s"),
+    (lambda t: t, ("--step", "10"), "--step 10: leads to 0 ratios over time; must lead to 1 to 100000"),
     (lambda t: t, ("--coal-first", "-1"), "must be a number of stones"),
     (lambda t: t, ("--stop-above", "200"), "must be from 2 to 98 %"),
     (lambda t: t, ("--false-alarms-per-hour", "5"), "goes with --stop-above"),
