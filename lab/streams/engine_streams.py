@@ -2,12 +2,14 @@
 what `listen` makes of them, with 20 dB of noise. The ratio is that of the stones that touched the plate.
 
 Known stones are of the sizes, shapes and speeds of each stream, and fall one by one: coal in a run of its own, and gangue.
-Of streams with stones that the shipped law is not of, `learn-forces` makes one, by spheres of their sizes and speeds.
+Of streams with stones that the shipped law is not of, `learn-forces` makes one, by spheres of their sizes and speeds, and of
+what varies from stone to stone.
 """
 
 from __future__ import annotations
 
 import fcntl
+import json
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -65,7 +67,7 @@ class Kind:
 
 KINDS = {
     "clones": Kind(6),
-    "natural": Kind(3, {"scatter": SCATTER, "stones.drawn.size_m": [0.042, 0.058]}, (0.021, 0.029)),
+    "natural": Kind(3, {"scatter": SCATTER, "stones.drawn.size_m": [0.042, 0.058]}, (0.021, 0.029), own_law=True),
     "blocks": Kind(3, {"shapes": SHAPES, "stones.agglomerate.contact": "faces",
                        "stones.drawn.rate_1_s": 40.0}),
     "caving": Kind(2, {"plate.max_frequency_Hz": HIGHEST_Hz}, (0.03, 0.075), (2.7, 3.9), "caving.toml", known=False),
@@ -155,10 +157,14 @@ def prior_of(kind: str, out: Path) -> StonePrior:
     limits = KINDS[kind].radius_m, KINDS[kind].speed_m_s
     if not KINDS[kind].own_law:
         return StonePrior(load_forces(), *limits)
-    file = out / f"engine_law_{zlib.crc32(repr(limits).encode()):08x}.json"
+    scene = f'base = "{SCENES / "single.toml"}"\n'
+    if scatter := KINDS[kind].changes.get("scatter"):
+        scene += "scatter = " + json.dumps(scatter).replace(": ", "= ") + "\n"
+    file = out / f"engine_law_{zlib.crc32((scene + repr(limits)).encode()):08x}.json"
     with alone(file.with_suffix(".lock")):
         if not file.is_file():
-            learn_forces(SCENES / "single.toml", file, *limits)
+            file.with_suffix(".toml").write_text(scene)
+            learn_forces(file.with_suffix(".toml"), file, *limits)
     return StonePrior(load_forces(file), *limits)
 
 
