@@ -84,7 +84,7 @@ class SweepResults:
         """
         third = [run.materials[2] if len(run.materials) > 2 else None for run in self.runs]
         if "coal" not in third or "gangue" not in third:
-            raise RecordError(f"{self.sweep.path}: place 3 is never coal or never gangue in these runs")
+            raise RecordError(f"{self.sweep.path}: no run has coal at place 3, or none gangue")
         return len(third) - 1 - third[::-1].index("coal"), third.index("gangue")
 
     @cached_property

@@ -2,7 +2,7 @@
 
 In ParaView: File > Load State > view.py, or `paraview --script=view.py`. For a picture of the time nearest to 0.2 ms:
 
-    pvpython view.py picture.png 0.0002
+    pvpython view.py picture.png 0.0002       # without a screen: xvfb-run -a pvpython ...
 
 Bonds (by strain) and the stress about the contacts are loaded too; the eye beside them shows them.
 """

@@ -25,7 +25,7 @@ from common.files.parquet import Columns
 from common.scene.plate import Plate
 from common.scene.scene import ContactTable, MaterialTable
 from dem.stones.assembly import Assembly
-from dem.stones.contact_patch import PATCH_RADIUS, FaceColumns
+from dem.stones.contact_patch import PATCH_RADIUS, FaceColumns, StoneSurface
 from plate_fem.stress import YIELD_PRESSURE, HertzContact
 
 OUTSIDE = 0.05  # of a stone's radius: more than its smooth surface lies outside its sub-spheres
@@ -93,15 +93,24 @@ def write_surfaces(file: Path, assembly: Assembly) -> None:
     """Write the file that dem/engine/smooth/stone_surface.h describes."""
     start, radius_m = np.cumsum([0, *assembly.sizes]), max(stone.radius_m for stone in assembly.stones)
     with open(file, "w") as out:
-        out.write(f"{OUTSIDE * radius_m!r}\n")
+        heights = (patch_height_m(surface, assembly.radius_m[start[k]:start[k + 1]], stone.radius_m)
+                   for k, (surface, stone) in enumerate(zip(assembly.surfaces, assembly.stones, strict=True)))
+        out.write(f"{OUTSIDE * radius_m!r} {max(heights)!r}\n")
         if assembly.is_stream:  # each stone brings its own
-            out.write(f"stream {PATCH_RADIUS**2 * radius_m / 2!r}\n")
+            out.write("stream\n")
             return
         for k, (surface, numbers) in enumerate(zip(assembly.surfaces, contact_rows(assembly), strict=True)):
             here = slice(start[k], start[k + 1])
             out.write(" ".join([str(assembly.sizes[k]), *(f"{number:.17g}" for number in numbers)]) + "\n")
             rows = [surface.place_m, assembly.radius_m[here], assembly.mass_kg[here], surface.is_surface]
             np.savetxt(out, np.column_stack(rows), fmt=["%.17g"] * 5 + ["%d"])
+
+
+def patch_height_m(surface: StoneSurface, radius_m: np.ndarray, stone_radius_m: float) -> float:
+    """How far the lowest point of a sub-sphere in a patch, whatever its axis, may be above the plate at first touch."""
+    out = np.linalg.norm(surface.place_m[surface.is_surface], axis=1)
+    across = np.minimum(out, PATCH_RADIUS * stone_radius_m)
+    return float((stone_radius_m - np.sqrt(out**2 - across**2) - radius_m[surface.is_surface]).max())
 
 
 def column_stiffness_N_m(columns: FaceColumns, stone_modulus_Pa: float, plate_modulus_Pa: float) -> np.ndarray:

@@ -6,7 +6,7 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from analysis.sweep import breakage
 from analysis.sweep.breakage import Section
@@ -173,6 +173,7 @@ def fragments(results: SweepResults) -> Drawn:
             axis.step(volumes ** (1 / 3), 100 * np.cumsum(volumes) / volumes.sum(), where="post",
                       color=material_colour(kind), label=f"{kind}, {volumes.size} piece{'s' * (volumes.size > 1)}")
     axis.set_xscale("log")
+    axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.xaxis.set_major_formatter("{x:g}")
     axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set(xlabel="size of the fragment over that of the stone", ylabel="volume in smaller pieces, %")

@@ -77,10 +77,10 @@ def films_of(labels: Sequence[str], packed: Sequence[tuple[str, str] | Exception
 def pack_run(run: Run, network: Network, wanted: tuple[Series, ...]) -> str:
     """Pack one run: bodies, bonds, and each series that has pictures. Raises MissingResult if none has two."""
     found, peak_s = instants(run.path), largest_force_s(run)
+    if found:  # the whole run, wanted last, is no longer than some others
+        wanted = tuple(s for s in wanted if s.until_s <= found[-1].t_s or s is wanted[-1])
     if IMPACT.until_s < peak_s < EARLY.until_s:  # of stones that come one after the other
         wanted = tuple(replace(s, until_s=peak_s + IMPACT.until_s) if s.key == IMPACT.key else s for s in wanted)
-    if found and IMPACT.until_s > found[-1].t_s:  # the whole run, wanted last, is no longer than its impact
-        wanted = wanted[-1:]
     films = {s: read_film(chosen, network) for s in wanted if len(chosen := choose(found, s)) > 1}
     if not films:
         raise MissingResult("the run has fewer than two pictures")

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from decks import run_engine
-from scenes_of_tests import changed, hertz
+from scenes_of_tests import changed, hertz, one_by_one
 from scipy.integrate import solve_ivp
 
 from common.tables import Refused
@@ -57,6 +57,17 @@ def test_two_packings_push_alike(tmp_path):
     peaks = [run_scene(stone(**{"stones.seed": seed}), "scene", tmp_path / f"{seed}")["peak_force_N"] for seed in (1, 2, 3)]
     assert np.ptp(peaks) < 1e-3 * np.mean(peaks)
     assert np.mean(peaks) == pytest.approx(hertz("coal")["force_N"], rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerance", [0.0, 1e-4])
+def test_a_stone_whose_patch_has_a_rim_far_up_pushes_as_the_elastic_sphere(tmp_path, tolerance):
+    """On a rigid plate, which never comes to meet it, and turned so that one of its patch is nearly 4 mm up."""
+    attitude = np.array([0.5245, 0.4041, -0.7494, 0.0])
+    scene = one_by_one(stone(**{"stones.seed": 7, "time.free_flight_tolerance": tolerance}),
+                       attitude=[(attitude / np.linalg.norm(attitude)).tolist()])
+    found = run_scene(scene, "scene", tmp_path / "run")
+    assert found["peak_force_N"] == pytest.approx(hertz("coal")["force_N"], rel=0.01)
 
 
 @pytest.mark.parametrize(("restitution", "speed_m_s", "material"), [

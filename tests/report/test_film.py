@@ -70,11 +70,12 @@ def test_the_impact_of_stones_that_come_one_by_one_holds_the_largest_force(tmp_p
     assert series["end"] == pytest.approx(10e-3)
 
 
-def test_a_run_no_longer_than_its_impact_is_one_series(run, monkeypatch):
-    found = [one for one in instants(run[0].path) if one.t_s < IMPACT.until_s]
+@pytest.mark.parametrize(("until_s", "keys"), [(IMPACT.until_s, ["whole"]), (8e-3, ["impact", "whole"])])
+def test_a_series_that_would_be_longer_than_the_run_is_not_shown(run, monkeypatch, until_s, keys):
+    found = [one for one in instants(run[0].path) if one.t_s < until_s]
     monkeypatch.setattr(reel, "instants", lambda path: found)
-    (series,) = json.loads(reel.pack_films(*run, 1.0, (IMPACT, EARLY, WHOLE)))["series"]
-    assert series["key"] == WHOLE.key and series["end"] == pytest.approx(found[-1].t_s, rel=1e-5)
+    series = json.loads(reel.pack_films(*run, 1.0, (IMPACT, EARLY, WHOLE)))["series"]
+    assert [one["key"] for one in series] == keys and series[-1]["end"] == pytest.approx(found[-1].t_s, rel=1e-5)
 
 
 def test_spheres_without_bonds_move_too(tmp_path):

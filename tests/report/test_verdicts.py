@@ -1,9 +1,13 @@
 """The rules that give a verdict."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from analysis import RecordError
 from report.missing import MissingResult
+from report.sweep_results import SweepResults
 from report.verdicts import (
     HELD,
     NOT_HELD,
@@ -63,3 +67,10 @@ def test_a_missing_value_is_not_a_trend():
     values[3] = np.nan
     with pytest.raises(MissingResult, match="every run"):
         trend(lambda results: values)(SweepOfNumbers())
+
+
+@pytest.mark.parametrize("at_3", [[], ["coal"]])
+def test_runs_without_a_place_3_or_always_with_coal_there_are_told_so(at_3):
+    runs = [SimpleNamespace(materials=["coal", "gangue", *at_3])] * 2
+    with pytest.raises(RecordError, match="no run has coal at place 3, or none gangue"):
+        SweepResults.indices_coal_gangue_at_3(SimpleNamespace(runs=runs, sweep=SimpleNamespace(path="x")))

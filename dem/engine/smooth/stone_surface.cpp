@@ -14,11 +14,10 @@ StoneSurfaces::StoneSurfaces(LAMMPS *lmp, const std::string &file, const Agglome
     : place_(agglomerates.tags() + 1), radius_(place_.size(), 0), mass_(radius_), surface_(place_.size(), 0) {
   std::ifstream in(file);
   std::string word;
-  in >> outside_;
+  in >> outside_ >> height_;
   const auto stones = in.tellg();
   if (in >> word && word == "stream") {
     stones_.resize(agglomerates.count());
-    in >> height_;
   } else {
     in.seekg(stones);
     read_stones(in, agglomerates);
@@ -37,7 +36,6 @@ void StoneSurfaces::read_stones(std::istream &in, const Agglomerates &agglomerat
     if (s.count != agglomerates.size(a) || !(std::min({s.radius, s.patch_radius, s.modulus}) > 0))
       in.setstate(std::ios::failbit);
     stones_.push_back(s);
-    height_ = std::max(height_, s.patch_radius * s.patch_radius / (2 * s.radius));
     for (int k = 0; k < s.count && in && tag <= agglomerates.tags(); k++, tag++) {
       double row[EnteringStone::SURFACE_COLUMNS];
       for (double &number : row) in >> number;

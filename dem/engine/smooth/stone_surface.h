@@ -29,10 +29,10 @@ struct SmoothStone {
 //
 // with the distance rho_i from the axis. dem/stones/contact_patch.py, which writes the file, has the same formula.
 //
-// File: the most that a smooth surface lies outside its sub-spheres. Then of each agglomerate a line with the numbers
-// of SmoothStone from `count` on, and a line for each sub-sphere: its place X in the stone, radius of contact, mass,
-// and 1 if it is of the surface. Where stones come with a stream (fix stones) the first line is followed by `stream`
-// and the greatest height of a patch's rim above its lowest point alone.
+// File: the most that a smooth surface lies outside its sub-spheres, and the greatest height of a sub-sphere's lowest
+// point above the plate that touches the surface in the middle of its patch. Then of each agglomerate a line with the
+// numbers of SmoothStone from `count` on, and a line for each sub-sphere: its place X in the stone, radius of contact,
+// mass, and 1 if it is of the surface. Where stones come with a stream (fix stones), `stream` alone.
 class StoneSurfaces {
  public:
   StoneSurfaces(LAMMPS *, const std::string &file, const Agglomerates &);
@@ -54,7 +54,7 @@ class StoneSurfaces {
   double mass(int tag) const { return mass_[tag]; }
   bool is_surface(int tag) const { return surface_[tag] != 0; }
   double outside() const { return outside_; }                   // of the sub-spheres lies the surface, at most, m
-  double height() const { return height_; }                     // of a patch's rim above its lowest point, at most, m
+  double height() const { return height_; }                     // of what is in a patch above its middle, at most, m
 
  private:
   std::vector<SmoothStone> stones_;
