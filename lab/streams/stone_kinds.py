@@ -119,11 +119,12 @@ def stones(kind: Kind, gangue: np.ndarray, rng: np.random.Generator) -> tuple[Fl
     size = rng.uniform(*kind.radius_m, n) / 0.025 * np.exp(kind.size * rng.standard_normal(n))
     size = np.where(rng.random(n) < kind.lumps, 4.0, size)
     speed = rng.uniform(*kind.speed_m_s, n) * np.where(gangue, 1.0, kind.coal_speed)
-    x, among = np.empty((n, 3)), pool()
+    among = pool()
     every = among[["s", "b", "J"]].to_numpy()
-    for i in range(n):
-        alike = (among["gangue"].to_numpy() == gangue[i]) & (abs(among["speed_m_s"].to_numpy() - speed[i]) < 0.5)
-        x[i] = every[rng.choice(np.flatnonzero(alike & ((every[:, 1] < 1.0) | (not kind.whole))))]
+    alike = among["gangue"].to_numpy() == gangue[:, None]
+    alike &= (abs(among["speed_m_s"].to_numpy() - speed[:, None]) < 0.5) & ((every[:, 1] < 1.0) | (not kind.whole))
+    there = alike.sum(axis=1)  # those of one material that fall about as fast: one of them
+    x = every[np.nonzero(alike)[1][np.cumsum(there) - there + rng.integers(0, there)]]
     density, stiffness = (d * rng.standard_normal(n) for d in (kind.density, kind.stiffness))
     rebound = np.log((1 + rng.uniform(*kind.restitution, n)) / 1.9)
     x += hertz(size, speed)

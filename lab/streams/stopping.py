@@ -21,7 +21,7 @@ from lab.study import Row
 from recognition.estimation.arrays import Floats
 from recognition.innovations.prior import StonePrior
 from recognition.stone_forces.forces import load_forces
-from recognition.stream.decision import CALM, Stop, follow, mean_stones
+from recognition.stream.decision import CALM, Judge, Stop, mean_stones
 from recognition.stream.recognise import LEAST_DOUBT
 from recognition.stream.stone_law import UNKNOWN, Told
 
@@ -46,12 +46,17 @@ def drawn(name: str, reference: str, seed: int, hours: float) -> dict[str, objec
     share = np.r_[np.tile(each, DRAWINGS), np.full(ABOVE, STOP.above)]
     told, gangue = _told(kind, of, share, np.random.default_rng([31, seed]))
     prior = StonePrior(load_forces(), kind.told_m or kind.radius_m, kind.told_m_s or kind.speed_m_s)
-    found = follow(told, np.arange(len(told.x)) / RATE_1_s, prior, STOP, LEAST_DOUBT)
-    heard, perfect = (alarm[:-ABOVE].reshape(DRAWINGS, len(each)) for alarm in (found.alarm, perfect_alarms(gangue)))
-    return {"unsafe": found.foreseen.unsafe, "foreseen_delay_s": found.foreseen.delay / RATE_1_s,
-            "foreseen_alarms_1_h": found.foreseen.false_alarms_1_h,
+    known = np.flatnonzero(told.known != UNKNOWN)
+    judge, alarm = Judge(told.only(known), prior, STOP, LEAST_DOUBT), np.zeros(0, dtype=bool)
+    for part in np.array_split(np.arange(len(known), len(told.x)), DRAWINGS):  # all at once need gigabytes
+        alarm = np.concatenate([alarm, *(one.alarm for one in judge.judge(told.only(part), part / RATE_1_s))])
+    assert judge.learnt is not None and judge.learnt.foreseen is not None
+    foreseen = judge.learnt.foreseen
+    heard, perfect = (a[:-ABOVE].reshape(DRAWINGS, len(each)) for a in (alarm, perfect_alarms(gangue)))
+    return {"unsafe": foreseen.unsafe, "foreseen_delay_s": foreseen.delay / RATE_1_s,
+            "foreseen_alarms_1_h": foreseen.false_alarms_1_h,
             "alarms_1_h": heard[:, RISE + FALL:].sum() / hours, "perfect_alarms_1_h": perfect[:, RISE + FALL:].sum() / hours,
-            "delay_s": ABOVE / RATE_1_s / alarms if (alarms := found.alarm[-ABOVE:].sum()) else np.inf,
+            "delay_s": ABOVE / RATE_1_s / alarms if (alarms := alarm[-ABOVE:].sum()) else np.inf,
             **{f"{name}_{k}_s": alarm.argmax() / RATE_1_s if alarm.any() else np.inf
                for name, alarms in (("alarm", heard), ("perfect", perfect)) for k, alarm in enumerate(alarms[:, :RISE])}}
 
