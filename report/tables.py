@@ -13,6 +13,8 @@ from report.sweep_results import SweepResults
 
 #: The header, and rows of text of which the first column names the row.
 Cells = tuple[list[str], list[list[str]]]
+#: One of the numbers of the first screen, and what it says in a few words.
+Number = tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def table(key: str, title: str, note: str = "", ratios: int = 1) -> Callable[[Ca
 @table("table-1", "Elastic constants")
 def materials(results: SweepResults) -> Cells:
     """Of what fell and of the plate, from the scene."""
-    setup = results.theory.setup
+    setup = results.setup
     shown = {kind: setup.rocks[kind] for kind in results.kinds}
     rows = [
         [name, f"{m.density_kg_m3:g}", f"{1e-9 * m.youngs_modulus_Pa:g}", f"{m.poisson_ratio:g}"]

@@ -1,8 +1,11 @@
 """What many chapters draw: curves over time, thinned to what a screen can show, and values against the mixing ratio."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from report.drawing.style import ACCENT, COAL, GANGUE, PALE, RATIO_LABEL, add_ratio_bar, canvas, ratio_colours
 
@@ -56,6 +59,14 @@ def with_spread(axis: Axes, ratios: np.ndarray, values: np.ndarray, colour: str,
         deviation = np.array([own.std(ddof=1) if own.size > 1 else np.nan for own in found])
         for sign in "-+":
             axis.plot(100 * each, mean + float(f"{sign}1") * deviation, ":", color=colour, label=f"_{name} {sign} sd")
+
+
+def make_logarithmic(scale: Any) -> None:
+    """Marks of an XAxis or a YAxis at 1, 2 and 5 times powers of ten, as plain numbers."""
+    scale._set_axes_scale("log")
+    scale.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
+    scale.set_major_formatter("{x:g}")
+    scale.set_minor_formatter(NullFormatter())
 
 
 def envelope(t_s: np.ndarray, values: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:

@@ -55,6 +55,12 @@ def canvas(rows: int, columns: int = 1, *, height_in: float, sharex: bool = Fals
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex, sharey=sharey)
 
 
+def single(height_in: float, bar: str = "") -> tuple[Figure, Axes]:
+    """A `canvas` with one pair of axes."""
+    figure, axes = canvas(1, height_in=height_in, bar=bar)
+    return figure, axes[0, 0]
+
+
 def bar_axes(figure: Figure) -> Axes:
     """Axes for the colour scale for which `canvas` left room."""
     axes = figure.add_axes((0.0, 0.0, 0.1, 0.1), label="bar")

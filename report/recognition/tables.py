@@ -3,7 +3,7 @@
 import numpy as np
 
 from analysis.signals.features import BASE_PARAMETERS
-from report.recognition.results import HELD_OUT, MODEL_METHODS
+from report.recognition.results import HELD_OUT, MODEL_METHODS, Recognition
 from report.sweep_results import SweepResults
 from report.tables import Cells, table
 
@@ -14,7 +14,7 @@ NO_BREAK = "\u00a0"
 @table("table-2", "Standardised parameters", "By Eq. 39; the direction of each parameter is that of these runs.",
        ratios=4)
 def standardised(results: SweepResults) -> Cells:
-    values, falling = results.recognition.standardised_base
+    values, falling = results.of(Recognition).standardised_base
     rows = [
         [name.replace("_", " ") + (" (falling)" if falls else ""), *(f"{v:.4f}" for v in column)]
         for name, falls, column in zip(BASE_PARAMETERS, falling, values.T, strict=True)
@@ -24,8 +24,8 @@ def standardised(results: SweepResults) -> Cells:
 
 @table("table-3", "Q and its quadratic", ratios=4)
 def deviations(results: SweepResults) -> Cells:
-    measured = results.recognition.q
-    calculated = results.recognition.q_quadratic(results.ratios)
+    measured = results.of(Recognition).q
+    calculated = results.of(Recognition).q_quadratic(results.ratios)
     named = {"measured": measured, "calculated": calculated, "difference": calculated - measured}
     rows = [[name, *(f"{v:.5f}" for v in values)] for name, values in named.items()]
     return ["", *_percent(results.ratios)], rows
@@ -37,7 +37,7 @@ def deviations(results: SweepResults) -> Cells:
 def recognised(results: SweepResults) -> Cells:
     rows = [[true, *("no answer" if answers[method].reason else f"{100 * answers[method].ratio:.2f}"
                      for method in MODEL_METHODS)]
-            for true, answers in zip(_percent(results.ratios), results.recognition.answers[HELD_OUT], strict=True)]
+            for true, answers in zip(_percent(results.ratios), results.of(Recognition).answers[HELD_OUT], strict=True)]
     return ["true", *MODEL_METHODS.values()], rows
 
 
@@ -46,8 +46,8 @@ def recognised(results: SweepResults) -> Cells:
        "describes its own data. That ratio held out: trained on the other ratios.", ratios=4)
 def errors(results: SweepResults) -> Cells:
     rows = [
-        [name, training, *_error_cells(results.recognition.errors_points(training, method), len(results.runs))]
-        for training in results.recognition.answers
+        [name, training, *_error_cells(results.of(Recognition).errors_points(training, method), len(results.runs))]
+        for training in results.of(Recognition).answers
         for method, name in MODEL_METHODS.items()
     ]
     return ["method", "training", "answered", "mean", "worst"], rows
