@@ -233,8 +233,7 @@ def _of_streams(sweep: Sweep) -> Content:
               for spec in ([heard, stop] if one.was_heard else []) + STREAM_FIGURES]
              for name, one in zip(names, streams, strict=True)]
     films = [partial(_film, sweep.runs, k, 0, (WHOLE,)) for k in range(len(streams))]
-    made, _ = make_parts(SweepResults(sweep), [*chain(*works), *films], [[]], False)
-    figures = iter(made)
+    figures = iter(all_of([*chain(*works), *films]))
     of_each = [[next(figures) for _ in own] for own in works]
     chapters = [Chapter("What fell" if len(streams) == 1 else name, found if k else found[1:], [one.table()])
                 for k, (name, one, found) in enumerate(zip(names, streams, of_each, strict=True))]
@@ -332,13 +331,12 @@ def rises(results: SweepResults) -> list[Rise]:
     """Return whether the main quantities rise with the ratio, as far as the runs have them; nothing for few ratios."""
     if len(set(results.ratios)) < LEAST_TREND:
         return []
-    quantities: list[tuple[str, Callable[[], np.ndarray], str]] = [
-        ("largest total force", lambda: 1e-3 * results.sweep.peaks("force_N"), "kN")]
+    quantities = [("largest total force", 1e-3 * results.sweep.peaks("force_N"), "kN")]
     if results.plate_moves:
-        quantities += [("largest kinetic energy of the plate", lambda: results.sweep.peaks("kinetic_J"), "J"),
-                       ("RMS of the plate's acceleration", lambda: results.rms_m_s2, "m/s²")]
-    return [Rise(name, spearman(results.ratios, values := values_of()), falling_steps(results.ratios, values),
-                 digits(values[0]), f"{digits(values[-1])} {unit}") for name, values_of, unit in quantities]
+        quantities += [("largest kinetic energy of the plate", results.sweep.peaks("kinetic_J"), "J"),
+                       ("RMS of the plate's acceleration", results.rms_m_s2, "m/s²")]
+    return [Rise(name, spearman(results.ratios, values), falling_steps(results.ratios, values), digits(values[0]),
+                 f"{digits(values[-1])} {unit}") for name, values, unit in quantities]
 
 
 def assumptions(sweep: Sweep) -> list[str]:
