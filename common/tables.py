@@ -185,15 +185,12 @@ def _key_path(location: Sequence[str | int], data: Any, keep_last: bool) -> tupl
     """Return the keys as written in the file, and the value there. Tags of unions are left out: the file has none."""
     keys = []
     for depth, part in enumerate(location):
-        missing = keep_last and depth == len(location) - 1
-        if isinstance(data, dict):
-            present = part in data
-        else:
-            present = isinstance(part, int) and isinstance(data, (list, tuple)) and part < len(data)
-        if present:
+        try:
             data = data[part]
-        if present or missing:
-            keys.append(str(part))
+        except (LookupError, TypeError):  # a tag, or what is missing
+            if not (keep_last and depth == len(location) - 1):
+                continue
+        keys.append(str(part))
     return keys, data
 
 
