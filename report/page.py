@@ -132,11 +132,8 @@ class Chapter:
 
 @dataclass(frozen=True)
 class Rise:
-    """Whether a quantity rises with the ratio.
-
-    falls_at: pairs of neighbouring ratios between which it falls. first, last: its values at the lowest and the highest
-    ratio, as text.
-    """
+    """Whether a quantity rises with the ratio. falls_at: neighbouring ratios between which it falls. first, last: its
+    values at the lowest and the highest ratio."""
 
     name: str
     spearman: float

@@ -77,18 +77,14 @@ class Stress:
         return [von_mises(surface_stress(modes, amplitude)) for modes, amplitude in pairs]
 
     def bending_stress_at_Pa(self, points_m: np.ndarray) -> np.ndarray:
-        """Return the von Mises stress of bending at points (k, 2) of the top surface, shape (runs, k).
-
-        Shares of an area are counted over such points and not over nodes, so that they do not depend on the mesh.
-        """
+        """Von Mises stress of bending at points (k, 2) of the top surface, shape (runs, k). Shares of an area are
+        counted over such points, not over nodes, so that they do not depend on the mesh."""
         pairs = zip(self.modes, self._nodal_stress_Pa, strict=True)
         return np.stack([nodal_at(modes, field, points_m) for modes, field in pairs])
 
     def contact_stress_Pa(self, number: int, offset_m: np.ndarray) -> list[np.ndarray]:
-        """Return von Mises stress maps about one stone's place, Hertz' field of each contact included, one a run.
-
-        number: of the stone, from 1. offset_m: shape (k,), along x and along y. Each map has the shape (k, k).
-        """
+        """Von Mises stress (k, k) of each run about the place of a stone, by its number from 1, Hertz' field of each
+        contact included, at offset_m (k,) along x and along y."""
         maps, poisson_ratio = [], self._results.setup.plate.poisson_ratio
         for run, modes, amplitude in zip(self._runs, self.modes, self.amplitudes, strict=True):
             force_N = particle_forces_N(run)[1]
@@ -235,10 +231,8 @@ def contact_stress(results: SweepResults) -> Drawn:
 
 def stress_maps(lines_m: tuple[np.ndarray, np.ndarray], maps_Pa: list[np.ndarray], ratios: np.ndarray,
                 points_m: np.ndarray) -> Figure:
-    """The von Mises stress of the plate's surface for each ratio.
-
-    lines_m: x (nx,) and y (ny,). maps_Pa: shape (nx, ny) each. points_m: crosses to draw, shape (k, 2).
-    """
+    """The von Mises stress of the plate's surface for each ratio. lines_m: x (nx,) and y (ny,). maps_Pa: (nx, ny) each.
+    points_m: crosses to draw (k, 2)."""
     columns = min(3, len(ratios))
     rows = -(-len(ratios) // columns)
     aspect = (lines_m[1][-1] - lines_m[1][0]) / (lines_m[0][-1] - lines_m[0][0])

@@ -77,10 +77,8 @@ class SweepResults:
         return int(np.argmin(np.abs(self.ratios - ratio)))
 
     def indices_coal_gangue_at_3(self) -> tuple[int, int]:
-        """Return the last run with coal and the first with gangue at place 3, whose ratios are as near as can be.
-
-        Raises RecordError if no run has coal or none has gangue there.
-        """
+        """The last run with coal and the first with gangue at place 3, whose ratios are as near as can be. Raises
+        RecordError if no run has coal or none has gangue there."""
         third = [run.materials[2] if len(run.materials) > 2 else None for run in self.runs]
         if "coal" not in third or "gangue" not in third:
             raise RecordError(f"{self.sweep.path}: no run has coal at place 3, or none gangue")
@@ -101,10 +99,8 @@ class SweepResults:
         return [kind for kind in KINDS if self.is_of(kind).any()]
 
     def mean_by_material(self, values: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the mean over the coal and over the gangue stones of each run, shape (runs,) each.
-
-        values: shape (runs, stones). The mean is NaN where a run has no stone of the material.
-        """
+        """Mean of values (runs, stones) over the coal and over the gangue of each run, (runs,) each, NaN where there is
+        none."""
         with np.errstate(invalid="ignore"):
             return {kind: np.where(self.is_of(kind), values, 0.0).sum(axis=1) / self.is_of(kind).sum(axis=1)
                     for kind in KINDS}

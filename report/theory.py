@@ -59,10 +59,8 @@ class Theory:
         return np.arange(len(self.setup.places_m) + 1)
 
     def _totals_N(self, compliance_m_N: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the total force in each state (Figure 10) for each of `gangue_counts`, in the scene's order.
-
-        compliance_m_N: of the plate at each place, shape (stones,).
-        """
+        """Total force in each state (Figure 10) for each of `gangue_counts`, in the scene's order, with the compliance
+        of the plate at each place, (stones,)."""
         s = self.setup
 
         def total_N(state: State, gangue_count: int) -> float:

@@ -88,10 +88,8 @@ def graded(value: float, held: float, partly: float) -> str:
 
 
 def trend(values: Values, direction: int = 1, factor: float = 1.0, unit: str = "") -> Test:
-    """Test whether values rise (direction 1) or fall (-1) with the ratio as a whole.
-
-    The number shown is the first and the last value times a factor, in a unit.
-    """
+    """Test whether values rise (direction 1) or fall (-1) with the ratio as a whole. The first and the last are shown,
+    times a factor, in a unit."""
 
     def test(results: SweepResults) -> Finding:
         x = np.asarray(values(results), dtype=float)
@@ -137,11 +135,8 @@ def falling_steps(ratios: np.ndarray, values: np.ndarray) -> list[tuple[float, f
 
 
 def stratification(ratios: np.ndarray, curves: np.ndarray) -> float:
-    """Return the mean over the moments of |Spearman| between ratio and value: 1 for curves that never cross.
-
-    Moments at which all curves agree (before the impact) do not count. The order may turn over with time, as it must
-    for a vibration.
-    """
+    """Mean over the moments of |Spearman| between ratio and value: 1 for curves that never cross. Moments at which all
+    agree (before the impact) do not count. The order may turn over with time, as it must for a vibration."""
     ranks = rankdata(_alive(curves), axis=0)
     ranks = ranks - ranks.mean(axis=0)
     r = rankdata(ratios) - np.mean(rankdata(ratios))
@@ -164,10 +159,8 @@ def separation(curves: np.ndarray) -> float:
 
 
 def travel(curve: np.ndarray) -> float:
-    """Return the way of a curve up and down over twice its range: at most 1 for a single peak, n for n equal ones.
-
-    curve: shape (moments,).
-    """
+    """The way of a curve (moments,) up and down over twice its range: at most 1 for a single peak, n for n equal
+    ones."""
     return float(np.sum(np.abs(np.diff(curve))) / (2 * np.ptp(curve)))
 
 

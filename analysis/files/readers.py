@@ -119,7 +119,7 @@ def read_record(path: str | Path, *, column: str | None = None, rate_Hz: float |
     path = _file_of(path)
     ending = path.suffix.lower()
     if ending in TABLES:
-        record = _from_table(_plain_table(path) or dict(read_table(path).items()), str(path), column, time, rate_Hz)
+        record = _from_table(_plain_table(path) or read_table(path), str(path), column, time, rate_Hz)
     elif ending in ARRAYS:
         record = _from_arrays(_arrays(path), str(path), column, time, rate_Hz)
     elif ending in CHANNELS:
@@ -237,9 +237,9 @@ def _refuse_unreadable(path: Path) -> None:
         refuse_unreadable(path, MOST_BYTES)
 
 
-def _from_table(table: Mapping[str, Any], source: str, column: str | None, time: str | None,
+def _from_table(table: Mapping[str, Any] | pd.DataFrame, source: str, column: str | None, time: str | None,
                 rate_Hz: float | None) -> Record:
-    names = list(table)
+    names = list(map(str, table))
     if [name_and_unit(name)[0].lower() for name in names] == list(OF_A_TABLE):
         frequency_Hz, real, imaginary = (_numbers(table[name]) for name in names)
         return impulse_response(frequency_Hz, real + 1j * imaginary, name_and_unit(names[1])[1] or "1", source)

@@ -105,10 +105,8 @@ class Run(ByValue):
         return table.sort_values("t_s", kind="stable", ignore_index=True)
 
     def extremes(self, column: str) -> tuple[float, float]:
-        """Largest and smallest value of a column, from the fast stream where it has the column.
-
-        A contact lasts about 1.5 samples at 6667 Hz, so that stream alone misses peaks.
-        """
+        """Largest and smallest value of a column, from the fast stream where it has it: a contact lasts about 1.5
+        samples at 6667 Hz, so that the regular stream misses peaks."""
         values = [self.record(column).values]
         if self.fast is not None and column in self.fast.columns:
             values.append(self.fast[column].to_numpy(dtype=float))

@@ -70,10 +70,8 @@ def make_logarithmic(scale: Any) -> None:
 
 
 def envelope(t_s: np.ndarray, values: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return a curve thinned to about `points` points that keeps every extreme wide enough to be seen.
-
-    t_s, values: shape (samples,). Of each of points/2 stretches the least and the largest value remain, in their order.
-    """
+    """A curve (samples,) thinned to about `points` points that keeps every extreme wide enough to be seen: of each of
+    points/2 stretches the least and the largest value remain, in their order."""
     bins = points // 2
     if t_s.size <= points:
         return t_s, values

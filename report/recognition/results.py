@@ -36,10 +36,8 @@ TRAINED_ON_ALL, HELD_OUT = "trained on all", "that ratio held out"
 
 
 class Recognition:
-    """Answers of every method, and the steps of the paper's methods on the way to them.
-
-    Raises RecognitionError for fewer than four different mixing ratios.
-    """
+    """Answers of every method, and the steps of the paper's methods on the way to them. Raises RecognitionError for
+    fewer than four different mixing ratios."""
 
     def __init__(self, results: SweepResults):
         self._results, self._runs, self._ratios = results, results.runs, results.ratios
@@ -145,10 +143,8 @@ class Recognition:
                 for k, moment in zip(chosen, space.moments[chosen], strict=True)]
 
     def candidates(self, index: int) -> dict[str, Candidates]:
-        """Return the candidates for run `index` by the paper's strategies, fitted to all other ratios.
-
-        The keys are the methods as a reader sees them. Raises RecognitionError where none can be fitted.
-        """
+        """Candidates for run `index` by the paper's strategies, fitted to all other ratios, by the methods as a reader
+        sees them. Raises RecognitionError where none can be fitted."""
         run = self._runs[index]
         others = [other for other in self._runs if other.gangue_ratio != run.gangue_ratio]
         window, ratios = Window.of(others), np.array([other.gangue_ratio for other in others])
