@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from analysis import RecordError, Run, Sweep
+from analysis import RecordError, Sweep
 from analysis.theory.contact_states import Setup, setup_of
 from common.scene.stones import KINDS
 from recognition.estimation.window import Window
@@ -29,7 +29,8 @@ class SweepResults:
         window = Window.of(sweep.runs)
         self.sweep = replace(sweep, runs=[replace(run, signals=window.cut(run.signals, str(run.path)))
                                           for run in sweep.runs])
-        self.ratios = self.sweep.ratios  # (runs,), 0..1
+        self.runs, self.ratios = self.sweep.runs, self.sweep.ratios  # (runs,), 0..1
+        self.t_s = self.runs[0].t_s  # of the regular stream, (samples,)
         self._parts: dict[Any, Any] = {}
 
     def of(self, part: Callable[[SweepResults], Part]) -> Part:
@@ -56,15 +57,6 @@ class SweepResults:
     def extremes(self, column: str) -> np.ndarray:
         """Largest and smallest value of a column, from the fast stream where it has it, shape (runs, 2)."""
         return np.array([run.extremes(column) for run in self.runs])
-
-    @property
-    def runs(self) -> list[Run]:
-        return self.sweep.runs
-
-    @property
-    def t_s(self) -> np.ndarray:
-        """Times of the regular stream, shape (samples,)."""
-        return self.runs[0].t_s
 
     def index_at(self, ratio: float) -> int:
         """Return the index of the run of a mixing ratio. Raises RecordError if there is no such run."""

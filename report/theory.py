@@ -15,7 +15,6 @@ from analysis.theory.contact_states import (
     materials_in_order,
     peak_force_N,
     sphere_mass_kg,
-    total_force_N,
 )
 from analysis.theory.impact import DAMPING, force_history
 from analysis.theory.real_plate import static_compliance_m_N
@@ -43,15 +42,18 @@ class Theory:
         """Return the compliance of the paper's beam at distances from the plate's centre along the axis A-B."""
         s = self.setup
         return beam_compliance(np.asarray(x_m) + s.support_length_m / 2, s.support_length_m, s.support_width_m,
-                               s.thickness_m, s.plate)  # fmt: skip
+                               s.thickness_m, s.plate)
 
     def single_peaks_N(self, x_m: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
         """Return the peak force of one sphere at each x_m (Figure 9): {material: {state: shape of x_m}}."""
-        s, compliance = self.setup, self.beam_compliance_m_N(x_m)
-        return {name: {key: np.array([peak_force_N(
-            state, rock, radius_m=s.radius_m, speed_m_s=s.speed_m_s, plate=s.plate, restitution=s.restitution[name],
-            compliance_m_N=one) for one in compliance]) for key, state in STATES.items()}
-            for name, rock in s.rocks.items()}
+        compliance = self.beam_compliance_m_N(x_m)
+        return {kind: {key: np.array([self._peak_N(state, kind, one) for one in compliance])
+                       for key, state in STATES.items()} for kind in self.setup.rocks}
+
+    def _peak_N(self, state: State, kind: str, compliance_m_N: float) -> float:
+        s = self.setup
+        return peak_force_N(state, s.rocks[kind], radius_m=s.radius_m, speed_m_s=s.speed_m_s, plate=s.plate,
+                            restitution=s.restitution[kind], compliance_m_N=compliance_m_N)
 
     @cached_property
     def gangue_counts(self) -> np.ndarray:
@@ -59,15 +61,12 @@ class Theory:
         return np.arange(len(self.setup.places_m) + 1)
 
     def _totals_N(self, compliance_m_N: np.ndarray) -> dict[str, np.ndarray]:
-        """Total force in each state (Figure 10) for each of `gangue_counts`, in the scene's order, with the compliance
-        of the plate at each place, (stones,)."""
-        s = self.setup
+        """Total force (37) in each state (Figure 10) for each of `gangue_counts`, in the scene's order, with the
+        compliance of the plate at each place, (stones,): the sum of the single peaks, which are microseconds apart."""
 
         def total_N(state: State, gangue_count: int) -> float:
-            names = materials_in_order(gangue_count, s.gangue_order)
-            return total_force_N(state, [s.rocks[name] for name in names], compliance_m_N,
-                                 [s.restitution[name] for name in names],
-                                 radius_m=s.radius_m, speed_m_s=s.speed_m_s, plate=s.plate)
+            kinds = materials_in_order(gangue_count, self.setup.gangue_order)
+            return sum(self._peak_N(state, kind, float(c)) for kind, c in zip(kinds, compliance_m_N, strict=True))
 
         return {key: np.array([total_N(state, count) for count in self.gangue_counts]) for key, state in STATES.items()}
 

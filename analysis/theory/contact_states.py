@@ -14,7 +14,7 @@ and higher (1.42 times at e = 0.5): see `analysis.theory.impact`.
 """
 
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -116,17 +116,6 @@ def materials_in_order(gangue_count: int, order: list[int]) -> list[str]:
     """Return the material at each position: gangue at the first `gangue_count` of `order` (1-based), else coal."""
     gangue = set(order[:gangue_count])
     return ["gangue" if place in gangue else "coal" for place in range(1, len(order) + 1)]
-
-
-def total_force_N(state: State, rocks: list[Elastic], compliances_m_N: ArrayLike, restitutions: ArrayLike,
-                  **impact: Any) -> float:
-    """Sum of the single peaks (37), N, for the material, compliance and restitution at each position, or one of these
-    for all; further arguments are those of `peak_force_N`. It is an upper bound: the peaks are some microseconds
-    apart."""
-    count = len(rocks)
-    rows = zip(rocks, np.broadcast_to(compliances_m_N, count), np.broadcast_to(restitutions, count), strict=True)
-    return sum(peak_force_N(state, rock, compliance_m_N=float(c), restitution=float(e), **impact)
-               for rock, c, e in rows)
 
 
 @dataclass(frozen=True)

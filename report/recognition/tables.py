@@ -15,17 +15,14 @@ NO_BREAK = "\u00a0"
        ratios=4)
 def standardised(results: SweepResults) -> Cells:
     values, falling = results.of(Recognition).standardised_base
-    rows = [
-        [name.replace("_", " ") + (" (falling)" if falls else ""), *(f"{v:.4f}" for v in column)]
-        for name, falls, column in zip(BASE_PARAMETERS, falling, values.T, strict=True)
-    ]
+    rows = [[name.replace("_", " ") + (" (falling)" if falls else ""), *(f"{v:.4f}" for v in column)]
+            for name, falls, column in zip(BASE_PARAMETERS, falling, values.T, strict=True)]
     return ["", *_percent(results.ratios)], rows
 
 
 @table("table-3", "Q and its quadratic", ratios=4)
 def deviations(results: SweepResults) -> Cells:
-    measured = results.of(Recognition).q
-    calculated = results.of(Recognition).q_quadratic(results.ratios)
+    measured, calculated = results.of(Recognition).q, results.of(Recognition).q_quadratic(results.ratios)
     named = {"measured": measured, "calculated": calculated, "difference": calculated - measured}
     rows = [[name, *(f"{v:.5f}" for v in values)] for name, values in named.items()]
     return ["", *_percent(results.ratios)], rows
@@ -45,11 +42,9 @@ def recognised(results: SweepResults) -> Cells:
        "Points of mixing ratio. Trained on all: the run itself was in the training, so it tells how well a method "
        "describes its own data. That ratio held out: trained on the other ratios.", ratios=4)
 def errors(results: SweepResults) -> Cells:
-    rows = [
-        [name, training, *_error_cells(results.of(Recognition).errors_points(training, method), len(results.runs))]
-        for training in results.of(Recognition).answers
-        for method, name in MODEL_METHODS.items()
-    ]
+    found = results.of(Recognition)
+    rows = [[name, training, *_error_cells(found.errors_points(training, method), len(results.runs))]
+            for training in found.answers for method, name in MODEL_METHODS.items()]
     return ["method", "training", "answered", "mean", "worst"], rows
 
 
