@@ -41,9 +41,8 @@ from report.film.reel import Films, films_of, pack_films
 from report.film.still import still
 from report.missing import MISSING_RESULT
 from report.recognition.claims import RECOGNITION_STATEMENTS
-from report.recognition.figures import RECOGNITION_FIGURES, recognised_against_true
+from report.recognition.figures import RECOGNITION_FIGURES, RECOGNITION_TABLES, recognised_against_true
 from report.recognition.results import HELD_OUT, LEADING_METHODS, MODEL_METHODS, Recognition
-from report.recognition.tables import RECOGNITION_TABLES
 from report.response import RESPONSE_FIGURES, RESPONSE_STATEMENTS, felt, maxima
 from report.signals import SIGNAL_FIGURES, SIGNAL_STATEMENTS
 from report.stream import STREAM_FIGURES, StreamResults, heard, stop
@@ -205,8 +204,8 @@ def _of_impacts(results: SweepResults) -> Content:
     first = felt if ratios == 1 else recognised_against_true if recognises else maxima
     of_chapters: list[FigureSpec | TableSpec] = []
     for _, figures, of_chapter in chapters:
-        of_chapters += [*of_chapter, *figures]
-    specs = [spec for spec in of_chapters if spec.ratios <= ratios and spec is not first] + [first]
+        of_chapters += [*of_chapter, *(spec for spec in figures if spec.ratios <= ratios)]
+    specs = [spec for spec in of_chapters if spec is not first] + [first]
     main = results.index_nearest(0.5)
     made, claims = make_parts(
         results, [*(partial(spec.finished, results) for spec in specs),

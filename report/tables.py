@@ -33,14 +33,12 @@ class FinishedTable:
 
 @dataclass(frozen=True)
 class TableSpec:
-    """A table to build. key: its id in the page. build: gives its cells from the results of a sweep.
-    ratios: it needs at least so many."""
+    """A table to build. key: its id in the page. build: gives its cells from the results of a sweep."""
 
     key: str
     title: str
     note: str
     build: Callable[[SweepResults], Cells]
-    ratios: int = 1
 
     def finished(self, results: SweepResults) -> FinishedTable:
         """The table for the page; an empty one says why where the runs do not give it."""
@@ -51,9 +49,9 @@ class TableSpec:
         return FinishedTable(self.key, self.title, self.note, header, rows)
 
 
-def table(key: str, title: str, note: str = "", ratios: int = 1) -> Callable[[Callable[..., Cells]], TableSpec]:
+def table(key: str, title: str, note: str = "") -> Callable[[Callable[..., Cells]], TableSpec]:
     """Make a table of the function below, which gives its cells."""
-    return lambda build: TableSpec(key, title, note, build, ratios)
+    return lambda build: TableSpec(key, title, note, build)
 
 
 @table("table-1", "Elastic constants")

@@ -1,15 +1,19 @@
-"""The figures of recognition: Figures 24 to 38 of the paper."""
+"""The figures of recognition, Figures 24 to 38 of the paper, and its tables."""
 
 from itertools import cycle
 
 import numpy as np
 
+from analysis.signals.features import BASE_PARAMETERS
 from report.drawing.figure_spec import Drawn, figure
 from report.drawing.lines import curves
 from report.drawing.style import ACCENT, COAL, GANGUE, GREEN, PALE, RATIO_LABEL, ROSE, VIOLET, YELLOW, canvas, single
 from report.recognition.results import FUSION_Q, HELD_OUT, LEADING_METHODS, MODEL_METHODS, Recognition
 from report.response import MOTIONS
 from report.sweep_results import SweepResults
+from report.tables import Cells, table
+
+NO_BREAK = "\u00a0"  # a space at which "3 of 11" does not break into two lines
 
 #: Label and unit of each response.
 LABELS = {name: (label, unit) for label, name, unit in MOTIONS} | {
@@ -18,7 +22,7 @@ LABELS = {name: (label, unit) for label, name, unit in MOTIONS} | {
 
 @figure("fig-answer", "Recognised against true mixing ratio",
         "By models trained on the other ratios of this sweep, where gangue takes its places in one order. Other "
-        "arrangements and packings are a harder test: gangue evaluate, on a data set.", ratios=4)
+        "arrangements and packings are a harder test: gangue evaluate, on a data set.")
 def recognised_against_true(results: SweepResults) -> Drawn:
     """With 90 % intervals where a method gives them, the method that answers most in front."""
     rows, leading = results.of(Recognition).answers[HELD_OUT], results.of(Recognition).leading_of(LEADING_METHODS)
@@ -38,7 +42,7 @@ def recognised_against_true(results: SweepResults) -> Drawn:
     return figure
 
 
-@figure("fig-24", "Fused parameter Q", "Eight parameters by Eq. 39, equal weights.", ratios=4)
+@figure("fig-24", "Fused parameter Q", "Eight parameters by Eq. 39, equal weights.")
 def q_against_ratio(results: SweepResults) -> Drawn:
     fit = results.of(Recognition).q_fit
     c, fine = fit.coefficients, np.linspace(0, 1, 101)
@@ -50,7 +54,7 @@ def q_against_ratio(results: SweepResults) -> Drawn:
     return figure, f"Line: {c[0]:.4f} {c[1]:+.4f}β {c[2]:+.4f}β², R² {fit.r2:.4f}, adjusted {fit.r2_adjusted:.4f}."
 
 
-@figure("fig-25", "Kalman filter of six responses", "Random walk, q/r = 0.1. Grey: before, blue: after.", ratios=4)
+@figure("fig-25", "Kalman filter of six responses", "Random walk, q/r = 0.1. Grey: before, blue: after.")
 def kalman_filter(results: SweepResults) -> Drawn:
     i, filtered = results.index_nearest(0.0), results.of(Recognition).filtered
     figure, axes = canvas(3, 2, height_in=5.1, sharex=True)
@@ -63,27 +67,26 @@ def kalman_filter(results: SweepResults) -> Drawn:
     return figure, f"Run of {100 * results.ratios[i]:.0f} %."
 
 
-@figure("fig-26", "Total energy before and after", "One curve a ratio.", ratios=4)
+@figure("fig-26", "Total energy before and after", "One curve a ratio.")
 def total_energy(results: SweepResults) -> Drawn:
     panels = [("before, J", results.sweep.stack("total_J")), ("after, J", results.of(Recognition).filtered["total_J"])]
     return curves(results.t_s, panels, results.ratios)
 
 
-@figure("fig-27", "The other responses after the filter", "One curve a ratio.", ratios=4)
+@figure("fig-27", "The other responses after the filter", "One curve a ratio.")
 def filtered_responses(results: SweepResults) -> Drawn:
     filtered = results.of(Recognition).filtered
     panels = [(label, unit * filtered[name]) for name, (label, unit) in LABELS.items() if name != "total_J"]
     return curves(results.t_s, panels, results.ratios)
 
 
-@figure("fig-28", "Normalised total energy", "Normalised over all ratios.", ratios=4)
+@figure("fig-28", "Normalised total energy", "Normalised over all ratios.")
 def normalised_energy(results: SweepResults) -> Drawn:
     values = results.of(Recognition).normalised_inputs("energy")["total_J"]
     return curves(results.t_s, [("normalised total energy", values)], results.ratios)
 
 
-@figure("fig-29", "Fusion of normalised responses",
-        "Thin: the responses of which each is fused; thick: fused.", ratios=4)
+@figure("fig-29", "Fusion of normalised responses", "Thin: the responses of which each is fused; thick: fused.")
 def fusion_process(results: SweepResults) -> Drawn:
     i, fusions = results.index_nearest(0.0), results.of(Recognition).fused
     inputs = {kind: results.of(Recognition).normalised_inputs(kind) for kind in fusions}
@@ -104,12 +107,12 @@ def fusion_process(results: SweepResults) -> Drawn:
     return figure, f"Run of {100 * results.ratios[i]:.0f} %."
 
 
-@figure("fig-33", "After fusion", "One curve a ratio.", ratios=4)
+@figure("fig-33", "After fusion", "One curve a ratio.")
 def fused_responses(results: SweepResults) -> Drawn:
     return curves(results.t_s, list(results.of(Recognition).fused.items()), results.ratios)
 
 
-@figure("fig-37", "Function space", "Degree 2 at six of the moments.", ratios=4)
+@figure("fig-37", "Function space", "Degree 2 at six of the moments.")
 def function_space(results: SweepResults) -> Drawn:
     fine = np.linspace(0, 1, 51)
     figure, axis = single(2.8)
@@ -122,7 +125,7 @@ def function_space(results: SweepResults) -> Drawn:
     return figure
 
 
-@figure("fig-38", "Worked example", "The candidate with the least mean difference is the answer.", ratios=4)
+@figure("fig-38", "Worked example", "The candidate with the least mean difference is the answer.")
 def worked_example(results: SweepResults) -> Drawn:
     index = results.index_nearest(0.4)
     true, methods = 100 * results.ratios[index], results.of(Recognition).candidates(index)
@@ -142,7 +145,7 @@ def worked_example(results: SweepResults) -> Drawn:
     return figure, f"Run of {true:.0f} %, held out."
 
 
-@figure("fig-recognised", "Recognised ratio", "Trained on all: the run itself was in the training.", ratios=4)
+@figure("fig-recognised", "Recognised ratio", "Trained on all: the run itself was in the training.")
 def recognised_ratios(results: SweepResults) -> Drawn:
     answers = results.of(Recognition).answers
     figure, axes = canvas(len(answers), height_in=2.0 * len(answers) + 0.4, sharex=True, sharey=True)
@@ -162,3 +165,52 @@ def recognised_ratios(results: SweepResults) -> Drawn:
 
 RECOGNITION_FIGURES = [q_against_ratio, kalman_filter, total_energy, filtered_responses, normalised_energy,
                        fusion_process, fused_responses, function_space, worked_example, recognised_ratios]
+
+
+@table("table-2", "Standardised parameters", "By Eq. 39; the direction of each parameter is that of these runs.")
+def standardised(results: SweepResults) -> Cells:
+    values, falling = results.of(Recognition).standardised_base
+    rows = [[name.replace("_", " ") + (" (falling)" if falls else ""), *(f"{v:.4f}" for v in column)]
+            for name, falls, column in zip(BASE_PARAMETERS, falling, values.T, strict=True)]
+    return ["", *_percent(results.ratios)], rows
+
+
+@table("table-3", "Q and its quadratic")
+def deviations(results: SweepResults) -> Cells:
+    measured, calculated = results.of(Recognition).q, results.of(Recognition).q_quadratic(results.ratios)
+    named = {"measured": measured, "calculated": calculated, "difference": calculated - measured}
+    rows = [[name, *(f"{v:.5f}" for v in values)] for name, values in named.items()]
+    return ["", *_percent(results.ratios)], rows
+
+
+@table("table-recognised", "Recognised mixing ratio of each run",
+       "In per cent, by models trained on the other ratios: 0 and 100 % are extrapolations, and nothing is clipped.")
+def recognised(results: SweepResults) -> Cells:
+    rows = [[true, *("no answer" if answers[method].reason else f"{100 * answers[method].ratio:.2f}"
+                     for method in MODEL_METHODS)]
+            for true, answers in zip(_percent(results.ratios), results.of(Recognition).answers[HELD_OUT], strict=True)]
+    return ["true", *MODEL_METHODS.values()], rows
+
+
+@table("table-errors", "Errors of recognition",
+       "Points of mixing ratio. Trained on all: the run itself was in the training, so it tells how well a method "
+       "describes its own data. That ratio held out: trained on the other ratios.")
+def errors(results: SweepResults) -> Cells:
+    found = results.of(Recognition)
+    rows = [[name, training, *_error_cells(found.errors_points(training, method), len(results.runs))]
+            for training in found.answers for method, name in MODEL_METHODS.items()]
+    return ["method", "training", "answered", "mean", "worst"], rows
+
+
+def _percent(ratios: np.ndarray) -> list[str]:
+    return [f"{100 * r:.0f} %" for r in ratios]
+
+
+def _error_cells(errors_points: np.ndarray, count: int) -> list[str]:
+    """Return how many of `count` runs were answered, and the mean and the worst error."""
+    size = np.abs(errors_points)
+    numbers = [f"{size.mean():.2f}", f"{size.max():.2f}"] if size.size else ["-", "-"]
+    return [f"{size.size}{NO_BREAK}of{NO_BREAK}{count}", *numbers]
+
+
+RECOGNITION_TABLES = [standardised, deviations, errors, recognised]
