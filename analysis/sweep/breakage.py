@@ -17,6 +17,7 @@ from analysis.signals.records import RecordError
 from analysis.sweep.runs import Run
 from common.channels import force_column
 from common.files.whole import refuse_irregular
+from common.scene.stones import KINDS
 
 #: Two contacts of one agglomerate closer in time than this are one collision: within it the fragments of one impact
 #: touch and leave. A first impact lasts about 0.25 ms.
@@ -173,16 +174,13 @@ def crack_counts(run: Run) -> dict[str, dict[str, int]]:
     """Return the number of broken bonds by material, coal or gangue, and by mode, tension or shear."""
     material = np.array(run.materials)[run.breakage["agglomerate"].to_numpy(dtype=int) - 1]
     mode = run.breakage["mode"].to_numpy()
-    return {
-        name: {kind: int(np.sum((material == name) & (mode == kind))) for kind in ("tension", "shear")}
-        for name in ("coal", "gangue")
-    }
+    return {kind: {name: int(np.sum((material == kind) & (mode == name))) for name in ("tension", "shear")}
+            for kind in KINDS}
 
 
 def collisions(run: Run, agglomerate: int) -> list[tuple[float, float]]:
-    """Begin and end (s) of each collision of an agglomerate with the plate: of contacts less than COLLISION_GAP_S
-    apart, whose force is at least LEAST_FORCE_SHARE of its largest. Raises RecordError if the run has no force of
-    it."""
+    """Begin and end (s) of each collision of an agglomerate with the plate: contacts less than COLLISION_GAP_S apart
+    whose force is at least LEAST_FORCE_SHARE of its largest. Raises RecordError if the run has no force of it."""
     table = run.finest
     column = force_column(agglomerate)
     if column not in table.columns:

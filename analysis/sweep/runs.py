@@ -1,10 +1,8 @@
 """Run directories: one simulated impact each, the sweep over the mixing ratio, and what fell in a stream.
 
-A run directory holds `run.json`, `signals.parquet` (6667 Hz), `fast.parquet`
-(>= 100 kHz while anything touches), `breakage.parquet` (one row per broken
-bond) and `stones.parquet` (a row a stone, which counts from its first touch of the
-plate, `first_contact_s`). A sweep is a directory of them, one per gangue mixing
-ratio (`ratio_030`).
+A run directory holds `run.json`, `signals.parquet` (6667 Hz), `fast.parquet` (>= 100 kHz while anything touches),
+`breakage.parquet` (one row per broken bond) and `stones.parquet` (a row a stone, which counts from its first touch of
+the plate, `first_contact_s`). A sweep is a directory of them, one per gangue mixing ratio (`ratio_030`).
 """
 
 from collections.abc import Sequence
