@@ -78,10 +78,8 @@ class Table(BaseModel):
 
 
 def about(meaning: str, *, paper: str | None = None) -> Any:
-    """Say what a key means and, if the paper gives it, what the paper gives: `Annotated[type, about("...")]`.
-
-    Its unit follows from the ending of its name, its bounds and its default from the field.
-    """
+    """Say what a key means and, if the paper gives it, what the paper gives: `Annotated[type, about("...")]`. Its unit
+    follows from its name, its bounds and its default from the field."""
     return Field(description=meaning, json_schema_extra=None if paper is None else {"x-paper": paper})
 
 
@@ -141,12 +139,9 @@ def inline_toml(value: Any) -> str:
 
 
 def check(model_class: Any, data: Mapping[str, Any], file: str | Path, where: str = "") -> Any:
-    """Return `data` as an instance of `model_class`.
-
-    model_class is a `Table`, or a (discriminated) union of tables; data is what was read from the file. The name `file`
-    and the key path `where` of the table go into the message.
-    Raises InputError for the first mistake, that of an unknown key if there is any.
-    """
+    """`data`, as read from a file, as an instance of a `Table` or a union of tables. The names of the file and of the
+    table, `where`, go into the message. Raises InputError for the first mistake, that of an unknown key if there is
+    any."""
     try:
         return _adapter(model_class).validate_python(data)
     except ValidationError as error:
@@ -185,15 +180,12 @@ def _key_path(location: Sequence[str | int], data: Any, keep_last: bool) -> tupl
     """Return the keys as written in the file, and the value there. Tags of unions are left out: the file has none."""
     keys = []
     for depth, part in enumerate(location):
-        missing = keep_last and depth == len(location) - 1
-        if isinstance(data, dict):
-            present = part in data
-        else:
-            present = isinstance(part, int) and isinstance(data, (list, tuple)) and part < len(data)
-        if present:
+        try:
             data = data[part]
-        if present or missing:
-            keys.append(str(part))
+        except (LookupError, TypeError):  # a tag, or what is missing
+            if not (keep_last and depth == len(location) - 1):
+                continue
+        keys.append(str(part))
     return keys, data
 
 

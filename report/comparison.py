@@ -45,7 +45,7 @@ class Row:
 
     @property
     def difference(self) -> float | None:
-        return self.b - self.a if _is_number(self.a) and _is_number(self.b) else None
+        return None if self.a is None or self.b is None else self.b - self.a
 
     @property
     def percent(self) -> float | None:
@@ -80,21 +80,16 @@ class Pair:
         """The keys of scene and versions that differ, dotted; None where a side lacks one."""
         sides = [_values(run.info.get("scene", {})) | _values(run.info.get("versions") or {}, "versions.")
                  for run in (self.a, self.b)]
-        return [Row(key, sides[0].get(key), sides[1].get(key)) for key in {**sides[0], **sides[1]}
-                if sides[0].get(key) != sides[1].get(key)]
+        return [row for row in _rows(*sides) if row.a != row.b]
 
     def groups(self) -> dict[str, list[Row]]:
         """The rows of each table of GROUPS, those that only one side has included."""
-        found = {}
-        for title, keys in GROUPS.items():
-            sides = [_numbers({key: run.info.get(key) for key in keys}) for run in (self.a, self.b)]
-            found[title] = [Row(key, sides[0].get(key), sides[1].get(key)) for key in {**sides[0], **sides[1]}]
-        return found
+        return {title: _rows(*(_numbers({key: run.info.get(key) for key in keys}) for run in (self.a, self.b)))
+                for title, keys in GROUPS.items()}
 
     def number(self, key: str) -> Row:
         """One of MAIN_NUMBERS."""
-        values = [_numbers(run.info).get(key) for run in (self.a, self.b)]
-        return Row(key, *values)
+        return Row(key, *(_numbers(run.info).get(key) for run in (self.a, self.b)))
 
     def curves(self) -> list[Curve]:
         """Force, and acceleration where both plates move: the impact from the fast stream where both have it, and the
@@ -129,11 +124,12 @@ def compared(a: str | Path, b: str | Path) -> Comparison:
     """Pair the runs of two run directories or of two sweeps. Raises RecordError, in one line, for a directory that is
     neither, for one of each kind, and for sweeps without a common ratio."""
     a, b = Path(a), Path(b)
-    if (a / "run.json").is_file() != (b / "run.json").is_file():
-        run, other = (a, b) if (a / "run.json").is_file() else (b, a)
-        raise RecordError(f"{other}: no run.json, but {run} is a run directory; needs two runs or two sweeps")
-    if (a / "run.json").is_file():
+    are_runs = [(path / "run.json").is_file() for path in (a, b)]
+    if all(are_runs):
         return Comparison(a, b, [Pair(read_run(a), read_run(b))], [], [], [])
+    if any(are_runs):
+        run, other = (a, b) if are_runs[0] else (b, a)
+        raise RecordError(f"{other}: no run.json, but {run} is a run directory; needs two runs or two sweeps")
     sweeps = [read_sweep(path, expected=()) for path in (a, b)]
     runs = [{round(run.gangue_ratio, 6): run for run in sweep.runs} for sweep in sweeps]
     common = sorted(set(runs[0]) & set(runs[1]))
@@ -158,11 +154,12 @@ def _values(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
 
 
 def _numbers(table: Mapping[str, Any]) -> dict[str, float]:
-    return {key: value for key, value in dotted(table) if _is_number(value)}
+    return {key: value for key, value in dotted(table)
+            if isinstance(value, (int, float)) and not isinstance(value, bool)}
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+def _rows(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Row]:
+    return [Row(key, a.get(key), b.get(key)) for key in {**a, **b}]
 
 
 @dataclass(frozen=True)
@@ -214,9 +211,7 @@ def draw_curve(curve: Curve, names: tuple[str, str]) -> Figure:
     above.set_title(curve.title)
     above.legend()
     below.plot(t_ms, curve.b - curve.a, color=GANGUE, linewidth=0.8)
-    below.set_title(f"difference, {as_label(names[1])} - {as_label(names[0])}")
-    below.set_xlabel("time, ms")
-    below.set_xlim(t_ms[0], t_ms[-1])
+    below.set(title=f"difference, {as_label(names[1])} - {as_label(names[0])}", xlabel="time, ms", xlim=t_ms[[0, -1]])
     return figure
 
 
@@ -225,11 +220,9 @@ def draw_ratios(pairs: list[Pair], names: tuple[str, str]) -> Figure:
     figure, axes = canvas(2, 2, height_in=4.2)
     ratios = 100 * np.array([pair.a.gangue_ratio for pair in pairs])
     for axis, (title, unit, key) in zip(axes.ravel(), MAIN_NUMBERS, strict=True):
-        rows = [pair.number(key) for pair in pairs]
-        sides = (names[0], PALE, [row.a for row in rows]), (names[1], ACCENT, [row.b for row in rows])
-        for name, colour, values in sides:
-            known = [np.nan if value is None else value for value in values]
-            axis.plot(ratios, known, "o-", color=colour, markersize=3, label=as_label(name))
+        values = np.array([(row.a, row.b) for row in (pair.number(key) for pair in pairs)], dtype=float)  # None: NaN
+        for name, colour, of_side in zip(names, (PALE, ACCENT), values.T, strict=True):
+            axis.plot(ratios, of_side, "o-", color=colour, markersize=3, label=as_label(name))
         axis.set_title(f"{title}, {unit}" if unit else title)
     axes[0, 0].legend()
     for axis in axes[1]:

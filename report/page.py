@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from analysis import Run, Sweep, read_sweep
 from analysis.sweep import breakage
+from analysis.sweep.run_table import dotted
 from analysis.sweep.runs import is_stream
 from common.files.output_directory import (
     hash_of,
@@ -31,8 +32,7 @@ from common.result import Result
 from common.scene.scene import read_scene
 from recognition.estimation.window import LEAST_RATIOS
 from report import tables, variation
-from report.breakage.claims import BREAKAGE_STATEMENTS
-from report.breakage.figures import BREAKAGE_FIGURES
+from report.breakage import BREAKAGE_FIGURES, BREAKAGE_STATEMENTS, Breakage
 from report.drawing.figure_spec import FigureSpec, FinishedFigure
 from report.drawing.pages import rendered
 from report.drawing.style import DAMAGE_COLOURS, STRESS_COLOURS, css_gradient, map_table, to_picture_uri
@@ -41,16 +41,14 @@ from report.film.reel import Films, films_of, pack_films
 from report.film.still import still
 from report.missing import MISSING_RESULT
 from report.recognition.claims import RECOGNITION_STATEMENTS
-from report.response.claims import RESPONSE_STATEMENTS
-from report.response.figures import RESPONSE_FIGURES, felt, maxima
-from report.signals.claims import SIGNAL_STATEMENTS
-from report.signals.figures import SIGNAL_FIGURES
-from report.stream.figures import STREAM_FIGURES, heard, stop
-from report.stream.results import StreamResults
+from report.recognition.figures import RECOGNITION_FIGURES, RECOGNITION_TABLES, recognised_against_true
+from report.recognition.results import HELD_OUT, LEADING_METHODS, MODEL_METHODS, Recognition
+from report.response import RESPONSE_FIGURES, RESPONSE_STATEMENTS, felt, maxima
+from report.signals import SIGNAL_FIGURES, SIGNAL_STATEMENTS
+from report.stream import STREAM_FIGURES, StreamResults, heard, stop
 from report.sweep_results import SweepResults
-from report.tables import FinishedTable, TableSpec
-from report.theory.claims import THEORY_STATEMENTS
-from report.theory.figures import THEORY_FIGURES
+from report.tables import FinishedTable, Number, TableSpec
+from report.theory import THEORY_FIGURES, THEORY_STATEMENTS
 from report.verdicts import (
     LEAST_TREND,
     VERDICTS,
@@ -79,11 +77,11 @@ def make_parts(results: SweepResults, works: Sequence[Work], statements: Sequenc
         for own in early:
             claims.extend(check_statements(results, own))
         if recognises:
-            attempt(lambda: results.recognition.filtered)
-            attempt(lambda: results.recognition.fused)
+            attempt(lambda: results.of(Recognition).filtered)
+            attempt(lambda: results.of(Recognition).fused)
 
     if recognises:
-        recognition, runs = results.recognition, range(len(results.runs))
+        recognition, runs = results.of(Recognition), range(len(results.runs))
         attempt(lambda: recognition.prepared)  # else each process prepares them
         model, *held_out = all_of([lambda: (recognition.model, recognition.by_all),
                                    *(partial(lambda k: recognition.prepared.answers_without(k), k) for k in runs)],
@@ -108,26 +106,20 @@ def attempt(work: Work) -> Any:
         return reason
 
 
-#: Title, figures and tables of each chapter, in order; that of recognition follows where it has runs enough.
+#: Title, figures and tables of each chapter, in order.
 CHAPTERS: list[tuple[str, list[FigureSpec], list[TableSpec]]] = [
     ("Response of the plate", RESPONSE_FIGURES, []),
     ("Breakage", BREAKAGE_FIGURES, [variation.one_stone]),
     ("Signals", SIGNAL_FIGURES, []),
     ("Theory", THEORY_FIGURES, [tables.materials]),
+    ("Recognition", RECOGNITION_FIGURES, RECOGNITION_TABLES),
+    ("With stones that vary", [], [variation.varying]),
 ]
 
 STATEMENTS = [THEORY_STATEMENTS, BREAKAGE_STATEMENTS, RESPONSE_STATEMENTS, SIGNAL_STATEMENTS, RECOGNITION_STATEMENTS]
 
 #: What is no physics of a scene: the paper's statements hold for it with any of these.
 NO_PHYSICS = {"stones": ("gangue_ratio", "seed"), "plate": ("sensors", "max_frequency_Hz")}
-
-
-@dataclass(frozen=True)
-class Number:
-    """One of the numbers of the first screen, and what it says in a few words."""
-
-    value: str
-    words: str
 
 
 @dataclass(frozen=True)
@@ -139,11 +131,8 @@ class Chapter:
 
 @dataclass(frozen=True)
 class Rise:
-    """Whether a quantity rises with the ratio.
-
-    falls_at: pairs of neighbouring ratios between which it falls. first, last: its values at the lowest and the highest
-    ratio, as text.
-    """
+    """Whether a quantity rises with the ratio. falls_at: neighbouring ratios between which it falls. first, last: its
+    values at the lowest and the highest ratio."""
 
     name: str
     spearman: float
@@ -207,28 +196,21 @@ def report(directory: str | Path) -> ReportResult:
 
 def _of_impacts(results: SweepResults) -> Content:
     runs, ratios = results.runs, len(set(results.ratios))
-    recognises = ratios >= LEAST_RATIOS and results.plate_moves
+    recognises, papers = ratios >= LEAST_RATIOS and results.plate_moves, ratios >= LEAST_TREND and are_papers(runs)
     given = {"Breakage": any(run.summary.n_bonds for run in runs), "Signals": results.plate_moves,
-             "Theory": bool(runs[0].scene.plate.rods)}  # a chapter of nothing but reasons helps nobody
-    chapters, statements = [one for one in CHAPTERS if given.get(one[0], True)], list[list[Statement]]([[]])
-    first = felt if ratios == 1 else maxima
-    if recognises:
-        from report.recognition.figures import RECOGNITION_FIGURES, recognised_against_true as first  # late: a second
-        from report.recognition.tables import RECOGNITION_TABLES
-
-        chapters.append(("Recognition", RECOGNITION_FIGURES, RECOGNITION_TABLES))
-    if ratios >= LEAST_TREND and are_papers(runs):
-        statements = STATEMENTS
-        chapters.append(("With stones that vary", [], [variation.varying]))
+             "Theory": bool(runs[0].scene.plate.rods),  # a chapter of nothing but reasons helps nobody
+             "Recognition": recognises, "With stones that vary": papers}
+    chapters = [one for one in CHAPTERS if given.get(one[0], True)]
+    first = felt if ratios == 1 else recognised_against_true if recognises else maxima
     of_chapters: list[FigureSpec | TableSpec] = []
     for _, figures, of_chapter in chapters:
-        of_chapters += [*of_chapter, *figures]
-    specs = [spec for spec in of_chapters if spec.ratios <= ratios and spec is not first] + [first]
+        of_chapters += [*of_chapter, *(spec for spec in figures if spec.ratios <= ratios)]
+    specs = [spec for spec in of_chapters if spec is not first] + [first]
     main = results.index_nearest(0.5)
     made, claims = make_parts(
         results, [*(partial(spec.finished, results) for spec in specs),
                   *(partial(_film, runs, k, main, (IMPACT, EARLY, WHOLE) if k == main else (IMPACT, WHOLE))
-                    for k in range(len(runs)))], statements, recognises)
+                    for k in range(len(runs)))], STATEMENTS if papers else [[]], recognises)
     finished = {spec.key: one for spec, one in zip(specs, made, strict=False)}
     return Content(
         "How much gangue fell on the plate?" if ratios > 1 else "What the stones did to the plate",
@@ -247,12 +229,11 @@ def _of_streams(sweep: Sweep) -> Content:
               for spec in ([heard, stop] if one.was_heard else []) + STREAM_FIGURES]
              for name, one in zip(names, streams, strict=True)]
     films = [partial(_film, sweep.runs, k, 0, (WHOLE,)) for k in range(len(streams))]
-    made, _ = make_parts(SweepResults(sweep), [*chain(*works), *films], [[]], False)
-    figures = iter(made)
+    figures = iter(all_of([*chain(*works), *films]))
     of_each = [[next(figures) for _ in own] for own in works]
     chapters = [Chapter("What fell" if len(streams) == 1 else name, found if k else found[1:], [one.table()])
                 for k, (name, one, found) in enumerate(zip(names, streams, of_each, strict=True))]
-    return Content("What fell on the plate?", [Number(*one) for one in streams[0].numbers()], of_each[0][0],
+    return Content("What fell on the plate?", streams[0].numbers(), of_each[0][0],
                    films_of(names, list(figures), 0), chapters)
 
 
@@ -313,7 +294,7 @@ def numbers(results: SweepResults, recognises: bool) -> list[Number]:
     at = " and ".join(f"{100 * results.ratios[i]:.0f} %" for i in ends) if len(ends) > 1 else ""
 
     def span(values: list[str], unit: str, words: str) -> Number:
-        return Number(f"{' to '.join(values)} {unit}".strip(), f"{words}, at {at} gangue" if at else words)
+        return f"{' to '.join(values)} {unit}".strip(), f"{words}, at {at} gangue" if at else words
 
     found = [_held_out(results)] if recognises else []
     found.append(span([digits(1e-3 * runs[i].peak("force_N")) for i in ends], "kN", "largest force on the plate"))
@@ -321,7 +302,7 @@ def numbers(results: SweepResults, recognises: bool) -> list[Number]:
         found.append(span([digits(runs[i].peak("a_m_s2")) for i in ends], "m/s²", "largest acceleration of the plate"))
     if all(run.summary.n_bonds for run in runs):
         found.append(span([f"{runs[i].summary.n_bonds_broken}" for i in ends], "",
-                          f"bonds broken of {runs[0].summary.n_bonds} ({results.breakage.draws_in_words})"))
+                          f"bonds broken of {runs[0].summary.n_bonds} ({results.of(Breakage).draws_in_words})"))
     return found
 
 
@@ -332,48 +313,35 @@ def digits(value: float) -> str:
 
 def _held_out(results: SweepResults) -> Number:
     """Return the error of the method that answers most runs, trained on the other ratios."""
-    from report.recognition.results import HELD_OUT, LEADING_METHODS, MODEL_METHODS
-
-    words = "mean error of the ratio, trained on the other ratios"
+    words, found = "mean error of the ratio, trained on the other ratios", results.of(Recognition)
     try:
-        leading = results.recognition.leading_of((*LEADING_METHODS, *MODEL_METHODS))
-        error = np.abs(results.recognition.errors_points(HELD_OUT, leading))
+        error = np.abs(found.errors_points(HELD_OUT, found.leading_of((*LEADING_METHODS, *MODEL_METHODS))))
     except MISSING_RESULT as reason:
-        return Number("-", f"{words}: {reason}")
+        return "-", f"{words}: {reason}"
     if not error.size:
-        return Number("-", f"{words}: no answer")
-    return Number(f"{error.mean():.1f} points", f"{words}, worst {error.max():.1f}")
+        return "-", f"{words}: no answer"
+    return f"{error.mean():.1f} points", f"{words}, worst {error.max():.1f}"
 
 
 def rises(results: SweepResults) -> list[Rise]:
     """Return whether the main quantities rise with the ratio, as far as the runs have them; nothing for few ratios."""
     if len(set(results.ratios)) < LEAST_TREND:
         return []
-    quantities: list[tuple[str, Callable[[], np.ndarray], str]] = [
-        ("largest total force", lambda: 1e-3 * results.sweep.peaks("force_N"), "kN")]
+    quantities = [("largest total force", 1e-3 * results.sweep.peaks("force_N"), "kN")]
     if results.plate_moves:
-        quantities += [("largest kinetic energy of the plate", lambda: results.sweep.peaks("kinetic_J"), "J"),
-                       ("RMS of the plate's acceleration", lambda: results.rms_m_s2, "m/s²")]
-    return [Rise(name, spearman(results.ratios, values := values_of()), falling_steps(results.ratios, values),
-                 digits(values[0]), f"{digits(values[-1])} {unit}") for name, values_of, unit in quantities]
+        quantities += [("largest kinetic energy of the plate", results.sweep.peaks("kinetic_J"), "J"),
+                       ("RMS of the plate's acceleration", results.rms_m_s2, "m/s²")]
+    return [Rise(name, spearman(results.ratios, values), falling_steps(results.ratios, values), digits(values[0]),
+                 f"{digits(values[-1])} {unit}") for name, values, unit in quantities]
 
 
 def assumptions(sweep: Sweep) -> list[str]:
-    """Return the assumptions of the scenes as lines, each once and in order, with the values of the scene."""
+    """Return the assumptions of the scenes as lines, each once and in order: `plate.tilt_deg` as `plate.tilt_deg =
+    20.0`, and what is no single value of the scene as it is."""
     lines: dict[str, None] = {}
     for run in sweep.runs:
+        values = {key: value for key, value in dotted(run.scene.as_json()) if not isinstance(value, list)}
         found = run.summary.assumptions
         found = [f"{key}: {value}" for key, value in found.items()] if isinstance(found, dict) else found
-        scene = run.scene.as_json()
-        lines.update(dict.fromkeys(_with_value(str(line), scene) for line in found))
+        lines |= dict.fromkeys(f"{line} = {values[line]}" if line in values else line for line in found)
     return list(lines)
-
-
-def _with_value(line: str, scene: dict[str, Any]) -> str:
-    """Return `plate.tilt_deg` as `plate.tilt_deg = 20.0`, and what is no single value of the scene as it is."""
-    value = scene
-    for key in line.split("."):
-        if not isinstance(value, dict) or key not in value:
-            return line
-        value = value[key]
-    return line if isinstance(value, (dict, list)) else f"{line} = {value}"

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis import Run
 from report.drawing.pages import to_csv
 from report.film.packing import pack_text
 from report.missing import MISSING_RESULT
@@ -13,6 +12,8 @@ from report.sweep_results import SweepResults
 
 #: The header, and rows of text of which the first column names the row.
 Cells = tuple[list[str], list[list[str]]]
+#: One of the numbers of the first screen, and what it says in a few words.
+Number = tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -32,14 +33,12 @@ class FinishedTable:
 
 @dataclass(frozen=True)
 class TableSpec:
-    """A table to build. key: its id in the page. build: gives its cells from the results of a sweep.
-    ratios: it needs at least so many."""
+    """A table to build. key: its id in the page. build: gives its cells from the results of a sweep."""
 
     key: str
     title: str
     note: str
     build: Callable[[SweepResults], Cells]
-    ratios: int = 1
 
     def finished(self, results: SweepResults) -> FinishedTable:
         """The table for the page; an empty one says why where the runs do not give it."""
@@ -50,40 +49,32 @@ class TableSpec:
         return FinishedTable(self.key, self.title, self.note, header, rows)
 
 
-def table(key: str, title: str, note: str = "", ratios: int = 1) -> Callable[[Callable[..., Cells]], TableSpec]:
+def table(key: str, title: str, note: str = "") -> Callable[[Callable[..., Cells]], TableSpec]:
     """Make a table of the function below, which gives its cells."""
-    return lambda build: TableSpec(key, title, note, build, ratios)
+    return lambda build: TableSpec(key, title, note, build)
 
 
 @table("table-1", "Elastic constants")
 def materials(results: SweepResults) -> Cells:
     """Of what fell and of the plate, from the scene."""
-    setup = results.theory.setup
-    shown = {kind: setup.rocks[kind] for kind in results.kinds}
-    rows = [
-        [name, f"{m.density_kg_m3:g}", f"{1e-9 * m.youngs_modulus_Pa:g}", f"{m.poisson_ratio:g}"]
-        for name, m in {**shown, "plate": setup.plate}.items()
-    ]
+    setup = results.setup
+    shown = {kind: setup.rocks[kind] for kind in results.kinds} | {"plate": setup.plate}
+    rows = [[name, f"{m.density_kg_m3:g}", f"{1e-9 * m.youngs_modulus_Pa:g}", f"{m.poisson_ratio:g}"]
+            for name, m in shown.items()]
     return ["", "density, kg/m³", "E, GPa", "Poisson's ratio"], rows
-
-
-def _or_dash(count: int | None) -> str:
-    return "-" if count is None else str(count)
 
 
 @table("table-runs", "Runs")
 def runs(results: SweepResults) -> Cells:
     """Sizes, peaks and wall time of each run; of the plate where it moves."""
-    columns: dict[str, Callable[[Run, int], str]] = {
-        "ratio": lambda run, _: f"{100 * run.gangue_ratio:.0f} %",
-        "particles": lambda run, _: _or_dash(run.summary.n_particles),
-        "bonds": lambda run, _: _or_dash(run.summary.n_bonds),
-        "broken": lambda run, _: _or_dash(run.summary.n_bonds_broken),
-        "peak force, kN": lambda run, _: f"{1e-3 * run.peak('force_N'):.2f}",
-    }
-    if results.plate_moves:
-        columns |= {"peak kinetic, J": lambda run, _: f"{run.peak('kinetic_J'):.4g}",
-                    "RMS, m/s²": lambda _, i: f"{results.rms_m_s2[i]:.4g}"}
-    columns |= {"energy closes to": lambda run, _: f"{(run.summary.energy or {}).get('closure', np.nan):.1e}",
-                "wall time, s": lambda run, _: f"{sum(run.summary.wall_time_s.values()):.1f}"}
-    return list(columns), [[cell(run, i) for cell in columns.values()] for i, run in enumerate(results.runs)]
+    of_plate = ["peak kinetic, J", "RMS, m/s²"] if results.plate_moves else []
+    rows = []
+    for i, run in enumerate(results.runs):
+        said = run.summary
+        counts = (said.n_particles, said.n_bonds, said.n_bonds_broken)
+        rows.append([f"{100 * run.gangue_ratio:.0f} %", *("-" if count is None else str(count) for count in counts),
+                     f"{1e-3 * run.peak('force_N'):.2f}",
+                     *([f"{run.peak('kinetic_J'):.4g}", f"{results.rms_m_s2[i]:.4g}"] if of_plate else []),
+                     f"{(said.energy or {}).get('closure', np.nan):.1e}", f"{sum(said.wall_time_s.values()):.1f}"])
+    return ["ratio", "particles", "bonds", "broken", "peak force, kN", *of_plate, "energy closes to",
+            "wall time, s"], rows

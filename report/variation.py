@@ -8,6 +8,7 @@ from analysis.signals.features import rms
 from analysis.sweep import breakage
 from common.scene.stones import KINDS
 from recognition.estimation.window import WINDOW_S
+from report.breakage import Breakage
 from report.missing import MissingResult
 from report.sweep_results import SweepResults
 from report.tables import Cells, table
@@ -21,14 +22,14 @@ PLAN = "scenes/dataset_natural.toml"
        "Mean and standard deviation of all stones. Below a fragment size of 2.3 sub-spheres, what breaks depends on "
        "the number of sub-spheres; near the critical speed, at which stones fall apart, on the single stone.")
 def one_stone(results: SweepResults) -> Cells:
-    rows, area_cm2 = [], 1e4 * results.breakage.area_end_m2
-    largest = np.array([[shares[0] for shares in results.breakage.fragment_shares(k)] for k in range(len(area_cm2))])
-    for kind in KINDS:
-        chosen = results.is_gangue == (kind == "gangue")
-        if chosen.any():
-            rows.append([kind, str(chosen.sum()), _with_deviation(area_cm2[chosen]), _with_deviation(largest[chosen]),
-                         _span(results, chosen, "fragment_size_over_subsphere"),
-                         _span(results, chosen, "speed_over_critical")])
+    rows, found = [], results.of(Breakage)
+    area_cm2 = 1e4 * found.area_end_m2
+    for kind in results.kinds:
+        chosen = results.is_of(kind)
+        rows.append([kind, str(chosen.sum()), _with_deviation(area_cm2[chosen]),
+                     _with_deviation(found.largest_share[chosen]),
+                     _span(results, chosen, "fragment_size_over_subsphere"),
+                     _span(results, chosen, "speed_over_critical")])
     return ["", "stones", "crack area, cm²", "largest fragment", "fragment size over sub-sphere",
             "speed over critical speed"], rows
 

@@ -7,7 +7,7 @@ below 0.6 and partly below 0.9. Other rules stand in each statement's `expected`
 ratios: mixing ratio of each run, shape (runs,). values: one number a run, shape (runs,). curves: shape (runs, moments).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,6 +65,11 @@ def claims_csv(claims: list[Claim]) -> str:
                    *([c.text, c.where, c.verdict, c.value, c.expected] for c in claims)])
 
 
+def listed(values: Mapping[str, float], form: str) -> str:
+    """Numbers with their names, in words."""
+    return ", ".join(f"{name} {value:{form}}" for name, value in values.items())
+
+
 def held_if(true: bool) -> str:
     """Return the verdict on a statement that is either true or not."""
     return HELD if true else NOT_HELD
@@ -83,10 +88,8 @@ def graded(value: float, held: float, partly: float) -> str:
 
 
 def trend(values: Values, direction: int = 1, factor: float = 1.0, unit: str = "") -> Test:
-    """Test whether values rise (direction 1) or fall (-1) with the ratio as a whole.
-
-    The number shown is the first and the last value times a factor, in a unit.
-    """
+    """Test whether values rise (direction 1) or fall (-1) with the ratio as a whole. The first and the last are shown,
+    times a factor, in a unit."""
 
     def test(results: SweepResults) -> Finding:
         x = np.asarray(values(results), dtype=float)
@@ -110,11 +113,8 @@ def all_rise(named: Callable[[SweepResults], dict[str, np.ndarray]]) -> Test:
 
     def test(results: SweepResults) -> Finding:
         rho = {name: spearman(results.ratios, values) for name, values in named(results).items()}
-        numbers = ", ".join(f"{name} {value:.3f}" for name, value in rho.items())
-        if all(value >= 0.9 for value in rho.values()):
-            return HELD, f"Spearman {numbers}"
-        partly = max(rho.values()) >= 0.9 or min(rho.values()) >= 0.5
-        return PARTLY if partly else NOT_HELD, f"Spearman {numbers}"
+        least, partly = min(rho.values()), max(rho.values()) >= 0.9 or min(rho.values()) >= 0.5
+        return HELD if least >= 0.9 else PARTLY if partly else NOT_HELD, f"Spearman {listed(rho, '.3f')}"
 
     return test
 
@@ -135,13 +135,9 @@ def falling_steps(ratios: np.ndarray, values: np.ndarray) -> list[tuple[float, f
 
 
 def stratification(ratios: np.ndarray, curves: np.ndarray) -> float:
-    """Return the mean over the moments of |Spearman| between ratio and value: 1 for curves that never cross.
-
-    Moments at which all curves agree (before the impact) do not count. The order may turn over with time, as it must
-    for a vibration.
-    """
-    alive = np.ptp(curves, axis=0) > 1e-12 * np.ptp(curves)
-    ranks = rankdata(curves[:, alive], axis=0)
+    """Mean over the moments of |Spearman| between ratio and value: 1 for curves that never cross. Moments at which all
+    agree (before the impact) do not count. The order may turn over with time, as it must for a vibration."""
+    ranks = rankdata(_alive(curves), axis=0)
     ranks = ranks - ranks.mean(axis=0)
     r = rankdata(ratios) - np.mean(rankdata(ratios))
     return float(np.mean(np.abs(r @ ranks) / np.sqrt((r @ r) * np.sum(ranks**2, axis=0))))
@@ -149,9 +145,12 @@ def stratification(ratios: np.ndarray, curves: np.ndarray) -> float:
 
 def overlap(curves: np.ndarray) -> float:
     """Return the share of neighbouring curves, over all moments, that lie against the order of most at that moment."""
-    alive = np.ptp(curves, axis=0) > 1e-12 * np.ptp(curves)
-    rising = np.mean(np.diff(curves[:, alive], axis=0) > 0, axis=0)
+    rising = np.mean(np.diff(_alive(curves), axis=0) > 0, axis=0)
     return float(np.mean(np.minimum(rising, 1 - rising)))
+
+
+def _alive(curves: np.ndarray) -> np.ndarray:
+    return curves[:, np.ptp(curves, axis=0) > 1e-12 * np.ptp(curves)]
 
 
 def separation(curves: np.ndarray) -> float:
@@ -160,10 +159,8 @@ def separation(curves: np.ndarray) -> float:
 
 
 def travel(curve: np.ndarray) -> float:
-    """Return the way of a curve up and down over twice its range: at most 1 for a single peak, n for n equal ones.
-
-    curve: shape (moments,).
-    """
+    """The way of a curve (moments,) up and down over twice its range: at most 1 for a single peak, n for n equal
+    ones."""
     return float(np.sum(np.abs(np.diff(curve))) / (2 * np.ptp(curve)))
 
 

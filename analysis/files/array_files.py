@@ -51,13 +51,10 @@ class Arrays:
         """The sample rate that the file gives for a signal, the nearest group first."""
         numbers = {key.lower(): value for key, value in self.numbers.items()}
         for place in _places(name):
-            for key in RATES:
-                if f"{place}/{key}".lstrip("/").lower() in numbers:
-                    return numbers[f"{place}/{key}".lstrip("/").lower()]
-            for key in INTERVALS:
-                interval_s = numbers.get(f"{place}/{key}".lstrip("/").lower(), 0.0)
-                if interval_s > 0:
-                    return 1.0 / interval_s
+            told = {key: numbers.get(f"{place}/{key}".lstrip("/").lower()) for key in (*RATES, *INTERVALS)}
+            for key, value in told.items():
+                if value is not None and (key in RATES or value > 0):
+                    return value if key in RATES else 1.0 / value
         return None
 
     def unit(self, name: str) -> str:

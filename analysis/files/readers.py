@@ -114,17 +114,12 @@ def read_record(path: str | Path, *, column: str | None = None, rate_Hz: float |
     >>> record.values.size, record.unit
     (267, 'mm/s^2')
     """
-    path = Path(path)
     unit = plain_unit(unit) if unit else None
     refuse_scale(path, scale, unit)
-    if path.is_dir():
-        path = path / "signals.parquet"
-    _refuse_unreadable(path)
-    if not path.is_file():
-        raise RecordError(f"{path}: no such file; needs a run directory or one of {', '.join(ENDINGS)}")
+    path = _file_of(path)
     ending = path.suffix.lower()
     if ending in TABLES:
-        record = _from_table(_plain_table(path) or _columns(read_table(path)), str(path), column, time, rate_Hz)
+        record = _from_table(_plain_table(path) or read_table(path), str(path), column, time, rate_Hz)
     elif ending in ARRAYS:
         record = _from_arrays(_arrays(path), str(path), column, time, rate_Hz)
     elif ending in CHANNELS:
@@ -144,7 +139,7 @@ def read_signals(path: str | Path) -> pd.DataFrame:
     rate and length."""
     import pandas as pd
 
-    path = Path(path) / "signals.parquet" if Path(path).is_dir() else Path(path)
+    path = _file_of(path)
     ending = path.suffix.lower()
     if ending not in (*CHANNELS, *ARRAYS):
         table = read_table(path)
@@ -152,9 +147,6 @@ def read_signals(path: str | Path) -> pd.DataFrame:
         if time in (None, "t_s"):
             return table
         return table.assign(t_s=seconds(time, _numbers(table[time]), str(path))).drop(columns=time)
-    _refuse_unreadable(path)
-    if not path.is_file():
-        raise RecordError(f"{path}: no such file")
     if ending in CHANNELS:
         records = {name: read() for name, read in CHANNELS[ending](path).items()}
     else:
@@ -168,6 +160,15 @@ def read_signals(path: str | Path) -> pd.DataFrame:
     t_s = next(iter(records.values())).t_s
     signals = {_with_unit(_last(name), record.unit): record.values for name, record in records.items()}
     return pd.DataFrame({"t_s": t_s, **signals})
+
+
+def _file_of(path: str | Path) -> Path:
+    """The file that holds the signals. Raises RecordError where there is none that can be read."""
+    path = Path(path) / "signals.parquet" if Path(path).is_dir() else Path(path)
+    _refuse_unreadable(path)
+    if not path.is_file():
+        raise RecordError(f"{path}: no such file; needs a run directory or one of {', '.join(ENDINGS)}")
+    return path
 
 
 def _with_unit(name: str, unit: str) -> str:
@@ -210,10 +211,6 @@ def read_table(path: str | Path, columns: Sequence[str] | None = None) -> pd.Dat
     return table
 
 
-def _columns(table: pd.DataFrame) -> dict[str, Any]:
-    return {str(name): table[name] for name in table.columns}
-
-
 def _plain_table(path: Path) -> dict[str, np.ndarray]:
     """Return the columns of a short table of numbers; nothing of any other, which `read_table` reads or refuses."""
     if path.stat().st_size > SHORT_BYTES:
@@ -240,9 +237,9 @@ def _refuse_unreadable(path: Path) -> None:
         refuse_unreadable(path, MOST_BYTES)
 
 
-def _from_table(table: Mapping[str, Any], source: str, column: str | None, time: str | None,
+def _from_table(table: Mapping[str, Any] | pd.DataFrame, source: str, column: str | None, time: str | None,
                 rate_Hz: float | None) -> Record:
-    names = list(table)
+    names = list(map(str, table))
     if [name_and_unit(name)[0].lower() for name in names] == list(OF_A_TABLE):
         frequency_Hz, real, imaginary = (_numbers(table[name]) for name in names)
         return impulse_response(frequency_Hz, real + 1j * imaginary, name_and_unit(names[1])[1] or "1", source)
@@ -262,14 +259,13 @@ def _from_arrays(arrays: Arrays, source: str, column: str | None, time: str | No
     column = _signal_of(names, source, column)
     beside, values = arrays.beside(column), arrays.signals[column]
     unit = plain_unit(arrays.unit(column))
-    time = _time_of(list(beside), source, time)
+    time, name = _time_of(list(beside), source, time), f"{source}: {column}"
     if time is not None:
-        t_s = seconds(time, beside[time], source)
-        return timed_record(f"{source}: {column}", values, unit, rate_Hz, time, t_s)
+        return timed_record(name, values, unit, rate_Hz, time, seconds(time, beside[time], source))
     found = arrays.rate_Hz(column)
     if found is not None:
-        check_rate(f"{source}: {column}", rate_Hz, found, "the file")
-    return timed_record(f"{source}: {column}", values, unit, found or rate_Hz, None, None)
+        check_rate(name, rate_Hz, found, "the file")
+    return timed_record(name, values, unit, found or rate_Hz, None, None)
 
 
 def _says_time(name: str) -> bool:

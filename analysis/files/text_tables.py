@@ -44,11 +44,8 @@ class Layout:
 
 
 def read_text_table(path: Path) -> pd.DataFrame:
-    """Return a text table; the columns of a file without names are "0", "1", ...
-
-    A table whose first lines all hold words is read with commas and a line of names, as this project writes tables.
-    Raises RecordError, OSError or ValueError if it cannot be read.
-    """
+    """Return a text table; columns without names are "0", "1", ... A table whose first lines all hold words is read
+    with commas and a line of names, as this project writes tables. Raises RecordError, OSError or ValueError."""
     import pandas as pd
 
     encoding, head, layout = _looked_at(path)
@@ -92,10 +89,8 @@ def _looked_at(path: Path) -> tuple[str, list[str], Layout | None]:
 
 
 def find_layout(head: list[str], source: str) -> Layout | None:
-    """Return the layout of a table by its first lines, None where none of them holds numbers alone.
-
-    Raises RecordError for a line of numbers and words where the names should be.
-    """
+    """The layout of a table by its first lines, None where none of them holds numbers alone. Raises RecordError for a
+    line of numbers and words where the names should be."""
     found = [one for separator, decimal in LAYOUTS if (one := _try(head, separator, decimal)) is not None]
     if not found:
         return None

@@ -179,12 +179,8 @@ def time_features(record: Record) -> list[Feature]:
 
 
 def time_frequency_features(record: Record) -> tuple[list[Feature], float]:
-    """Return the energies of the IMFs, their shares, and the energy of the Hilbert marginal spectrum; and how many
-    times the record's energy all IMFs hold.
-
-    Energies are integrals of x^2 over time, in unit^2 s. The decomposition is that of `analysis.decompose` with its
-    default stopping rule.
-    """
+    """Return the parameters of IMFs, decomposed by the default rule, with energies as integrals of x^2 over time, in
+    unit^2 s; and how many times the record's energy all IMFs hold."""
     from analysis.signals.emd import decompose
 
     imfs, found = decompose(record), list[Feature]()

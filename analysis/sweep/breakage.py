@@ -17,6 +17,7 @@ from analysis.signals.records import RecordError
 from analysis.sweep.runs import Run
 from common.channels import force_column
 from common.files.whole import refuse_irregular
+from common.scene.stones import KINDS
 
 #: Two contacts of one agglomerate closer in time than this are one collision: within it the fragments of one impact
 #: touch and leave. A first impact lasts about 0.25 ms.
@@ -106,11 +107,8 @@ def _read_atoms(path: Path) -> np.ndarray:
 
 
 def broken_bonds(run: Run, network: Network, until_s: float | np.ndarray = np.inf) -> np.ndarray:
-    """Return for each bond whether it has broken by a time, shape (m,).
-
-    The time is one for all, or one for each agglomerate. Raises RecordError for a table without the numbers of the
-    bonds.
-    """
+    """Whether each bond (m,) has broken by a time: one for all, or one for each agglomerate. Raises RecordError for a
+    table without the numbers of the bonds."""
     table = run.breakage
     until_s = np.broadcast_to(until_s, network.agglomerate.max())
     early = table["t_s"].to_numpy() <= until_s[table["agglomerate"].to_numpy(dtype=int) - 1]
@@ -176,18 +174,13 @@ def crack_counts(run: Run) -> dict[str, dict[str, int]]:
     """Return the number of broken bonds by material, coal or gangue, and by mode, tension or shear."""
     material = np.array(run.materials)[run.breakage["agglomerate"].to_numpy(dtype=int) - 1]
     mode = run.breakage["mode"].to_numpy()
-    return {
-        name: {kind: int(np.sum((material == name) & (mode == kind))) for kind in ("tension", "shear")}
-        for name in ("coal", "gangue")
-    }
+    return {kind: {name: int(np.sum((material == kind) & (mode == name))) for name in ("tension", "shear")}
+            for kind in KINDS}
 
 
 def collisions(run: Run, agglomerate: int) -> list[tuple[float, float]]:
-    """Return begin and end (s) of each collision of an agglomerate with the plate, from its contact force.
-
-    Contacts less than COLLISION_GAP_S apart are one collision. Those below LEAST_FORCE_SHARE of the agglomerate's
-    largest force are none. Raises RecordError if the run has no force of that agglomerate.
-    """
+    """Begin and end (s) of each collision of an agglomerate with the plate: contacts less than COLLISION_GAP_S apart
+    whose force is at least LEAST_FORCE_SHARE of its largest. Raises RecordError if the run has no force of it."""
     table = run.finest
     column = force_column(agglomerate)
     if column not in table.columns:
@@ -216,10 +209,8 @@ def first_collision_end_s(run: Run) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Section:
-    """Discs in which a plane cuts the k sub-spheres of one agglomerate, in its undeformed state.
-
-    centre_m (k, 2): along the section and upward, from the agglomerate's centre; radius_m and damage have shape (k,).
-    """
+    """Discs in which a plane cuts the k sub-spheres of an undeformed agglomerate. centre_m (k, 2): along the section
+    and upward, from its centre; radius_m, damage (k,)."""
 
     centre_m: np.ndarray
     radius_m: np.ndarray
@@ -236,10 +227,8 @@ class Section:
 
 
 def section(network: Network, damaged: np.ndarray, agglomerate: int) -> Section:
-    """Return the vertical section y = const through the middle of an agglomerate, as in Figures 14 and 15.
-
-    `damaged` (n,) comes from `damage`.
-    """
+    """The vertical section y = const through the middle of an agglomerate (Figures 14, 15); `damaged` (n,) from
+    `damage`."""
     own = network.agglomerate == agglomerate
     place, radius = network.centre_m[own], network.radius_m[own]
     middle = np.average(place, axis=0, weights=radius**3)

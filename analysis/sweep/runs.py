@@ -1,10 +1,8 @@
 """Run directories: one simulated impact each, the sweep over the mixing ratio, and what fell in a stream.
 
-A run directory holds `run.json`, `signals.parquet` (6667 Hz), `fast.parquet`
-(>= 100 kHz while anything touches), `breakage.parquet` (one row per broken
-bond) and `stones.parquet` (a row a stone, which counts from its first touch of the
-plate, `first_contact_s`). A sweep is a directory of them, one per gangue mixing
-ratio (`ratio_030`).
+A run directory holds `run.json`, `signals.parquet` (6667 Hz), `fast.parquet` (>= 100 kHz while anything touches),
+`breakage.parquet` (one row per broken bond) and `stones.parquet` (a row a stone, which counts from its first touch of
+the plate, `first_contact_s`). A sweep is a directory of them, one per gangue mixing ratio (`ratio_030`).
 """
 
 from collections.abc import Sequence
@@ -105,10 +103,8 @@ class Run(ByValue):
         return table.sort_values("t_s", kind="stable", ignore_index=True)
 
     def extremes(self, column: str) -> tuple[float, float]:
-        """Largest and smallest value of a column, from the fast stream where it has the column.
-
-        A contact lasts about 1.5 samples at 6667 Hz, so that stream alone misses peaks.
-        """
+        """Largest and smallest value of a column, from the fast stream where it has it: a contact lasts about 1.5
+        samples at 6667 Hz, so that the regular stream misses peaks."""
         values = [self.record(column).values]
         if self.fast is not None and column in self.fast.columns:
             values.append(self.fast[column].to_numpy(dtype=float))

@@ -14,7 +14,7 @@ and higher (1.42 times at e = 0.5): see `analysis.theory.impact`.
 """
 
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -85,11 +85,8 @@ def beam_compliance(x_m: ArrayLike, length_m: float, width_m: float, thickness_m
 
 def max_deformation_m(stiffness: float, mass_kg: float, speed_m_s: float, *, restitution: float = 1.0,
                       compliance_m_N: float = 0.0) -> float:
-    """Return the largest compression of the sphere, m: the exact root of (13) or (26).
-
-    The restitution is 0 < e <= 1. With compliance 0 the root is the closed form (8) or (19). Raises RecordError for
-    other numbers than those of an impact.
-    """
+    """The largest compression of the sphere, m: the exact root of (13) or (26), with compliance 0 the closed form (8)
+    or (19). The restitution is 0 < e <= 1. Raises RecordError for other numbers than those of an impact."""
     refuse_no_impact(stiffness, mass_kg, speed_m_s, restitution, compliance_m_N)
     energy = 0.5 * mass_kg * speed_m_s**2
     rigid = (2.5 * restitution * energy / stiffness) ** 0.4
@@ -106,10 +103,8 @@ def max_deformation_m(stiffness: float, mass_kg: float, speed_m_s: float, *, res
 
 def peak_force_N(state: State, rock: Elastic, *, radius_m: float = 0.025, speed_m_s: float = 3.0,
                  restitution: float = 0.5, compliance_m_N: float = 0.0, plate: Elastic = PLATE) -> float:
-    """Return the force of one sphere in a state at its largest compression, N (Eqs. 8, 9, 11, 19, 20, 22, 30).
-
-    Restitution and compliance count only where the state has damping or deflection.
-    """
+    """Force of one sphere in a state at its largest compression, N (Eqs. 8, 9, 11, 19, 20, 22, 30); restitution and
+    compliance count only where the state has damping or deflection."""
     stiffness = contact_stiffness(rock, radius_m, plate)
     d = max_deformation_m(stiffness, sphere_mass_kg(rock, radius_m), speed_m_s,
                           restitution=restitution if state.damped else 1.0,
@@ -123,26 +118,10 @@ def materials_in_order(gangue_count: int, order: list[int]) -> list[str]:
     return ["gangue" if place in gangue else "coal" for place in range(1, len(order) + 1)]
 
 
-def total_force_N(state: State, rocks: list[Elastic], compliances_m_N: ArrayLike, restitutions: ArrayLike,
-                  **impact: Any) -> float:
-    """Return the sum of the single peaks (37), N, for the material at each position.
-
-    Compliances and restitutions are those at each position, or one for all; further arguments are those of
-    `peak_force_N`. The sum is an upper bound, since the peaks of coal and gangue are some microseconds apart.
-    """
-    count = len(rocks)
-    rows = zip(rocks, np.broadcast_to(compliances_m_N, count), np.broadcast_to(restitutions, count), strict=True)
-    return sum(peak_force_N(state, rock, compliance_m_N=float(c), restitution=float(e), **impact)
-               for rock, c, e in rows)
-
-
 @dataclass(frozen=True)
 class Setup:
-    """Of one scene. places_m (count, 2); speed_m_s across the plate; rocks and restitution by "coal" and "gangue".
-
-    support_length_m, support_width_m: distances between the rods along x and y, the L and B
-    of the paper's beam formula.
-    """
+    """Of one scene. places_m (count, 2); speed_m_s across the plate; rocks and restitution by "coal" and "gangue";
+    support_length_m, support_width_m: distances between the rods along x and y, L and B of the beam formula."""
 
     places_m: np.ndarray
     radius_m: float

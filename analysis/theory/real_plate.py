@@ -24,11 +24,8 @@ from plate_fem.stress import HertzContact, total_stress, von_mises_3d
 
 
 def modes_of(run: Run) -> PlateModes:
-    """Return the modes that the run's plate moved in.
-
-    They are found as the simulation finds them, or taken from the user's cache (common/files/cache.py), if it has them.
-    Raises RecordError if the scene has no flexible plate, or modes of another number than run.json states.
-    """
+    """The modes that the run's plate moved in, found as the simulation finds them, or kept in the user's cache. Raises
+    RecordError without a flexible plate, or for modes of another number than run.json states."""
     modes = modes_for_loads(flexible_plate(run), user_cache(), places_of(run))
     if modes.frequency_Hz.size != run.summary.n_modes:
         raise RecordError(f"{run.path}/run.json: n_modes = {run.summary.n_modes}; its plate has "
@@ -48,21 +45,17 @@ def flexible_plate(run: Run) -> FlexiblePlate:
 
 
 def static_compliance_m_N(modes: PlateModes, points_m: np.ndarray) -> np.ndarray:
-    """Return the deflection per force (k,), m/N, at points (k, 2): the sum of shape^2 / omega^2 over the modes.
-
-    It is too low by what the modes left out would add: a few per cent for the modes of a 20 mm plate up to 20 kHz.
-    Raises RecordError for a plate that can move away freely.
-    """
+    """Deflection per force (k,), m/N, at points (k, 2): the sum of shape^2 / omega^2 over the modes. Modes left out
+    would add a few per cent to those of a 20 mm plate up to 20 kHz. Raises RecordError for a plate that can move
+    away."""
     if np.any(modes.frequency_Hz == 0):
         raise RecordError("the plate has a rigid-body mode: it has no static compliance")
     return modes.shape_at(np.asarray(points_m, dtype=float)) ** 2 @ (2 * np.pi * modes.frequency_Hz) ** -2.0
 
 
 def particle_forces_N(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times (n,) of the fast stream, s, and the force of each particle on the plate (n, count), N.
-
-    Raises RecordError if the run kept no fast stream, or not of every particle.
-    """
+    """Times (n,) of the fast stream, s, and the force of each particle on the plate (n, count), N. Raises RecordError
+    if the run kept no fast stream, or not of every particle."""
     if run.fast is None:
         raise RecordError(f"{run.path}: no fast.parquet; needs it to drive the plate")
     columns = [force_column(k) for k in range(1, len(places_of(run)) + 1)]
@@ -73,11 +66,8 @@ def particle_forces_N(run: Run) -> tuple[np.ndarray, np.ndarray]:
 
 
 def amplitude_at_peak(modes: PlateModes, run: Run) -> np.ndarray:
-    """Return the modal amplitudes (n,) at the instant of the largest total force.
-
-    The modes are driven again by the recorded force of each particle, taken to act at its position. The fast stream
-    holds the mean force over each of its intervals.
-    """
+    """Modal amplitudes (n,) at the instant of the largest total force: the modes are driven again by the recorded force
+    of each particle at its position. The fast stream holds the mean force over each interval."""
     t_s, force_N = particle_forces_N(run)
     peak = int(np.argmax(force_N.sum(axis=1)))
     dt_s = float(np.diff(t_s).min())
@@ -93,11 +83,8 @@ def amplitude_at_peak(modes: PlateModes, run: Run) -> np.ndarray:
 
 
 def hertz_contacts(run: Run, force_N: np.ndarray) -> list[HertzContact]:
-    """Return the contact at each particle's position, for the force (count,) on each.
-
-    Each particle counts as one whole sphere of its radius. A bonded one touches the plate with a few small sub-spheres,
-    whose pressures would be higher and depend more on the packing than on the stone.
-    """
+    """The contact at each particle's position, for the force (count,) on each, as of one whole sphere: the few small
+    sub-spheres that touch the plate have higher pressures, which depend more on the packing than on the stone."""
     s = setup_of(run)
     modulus_Pa = {name: hertz.contact_modulus_Pa(rock, s.plate) for name, rock in s.rocks.items()}
     rows = zip(s.places_m, force_N, run.materials, strict=True)
@@ -106,10 +93,8 @@ def hertz_contacts(run: Run, force_N: np.ndarray) -> list[HertzContact]:
 
 def contact_stress_map_Pa(modes: PlateModes, amplitude: np.ndarray, contacts: Sequence[HertzContact], number: int,
                           poisson_ratio: float, offset_m: np.ndarray) -> np.ndarray:
-    """Return the von Mises stress (k, k) on a square grid at the top surface, from bending and every contact.
-
-    The grid stands about contact `number` (1-based), at the offsets (k,) from it along x and along y.
-    """
+    """Von Mises stress (k, k) at the top surface from bending and every contact, on a square grid about contact
+    `number` (from 1), at the offsets (k,) along x and along y."""
     centre = contacts[number - 1]
     x, y = np.meshgrid(centre.x_m + offset_m, centre.y_m + offset_m, indexing="ij")
     points_m = np.column_stack([x.ravel(), y.ravel()])

@@ -19,10 +19,8 @@ BEFORE_SEAL = f', "{SEAL}": "'
 
 @contextmanager
 def written_whole(file: Path) -> Iterator[Path]:
-    """Yield a path beside `file` to write to; at the end what is written there is on disk and takes the name `file`.
-
-    If the block raises, `file` stays as it was and nothing is left beside it.
-    """
+    """Yield a path beside `file`; what is written there is on disk at the end and takes the name `file`. If the block
+    raises, `file` stays as it was and nothing is left beside it."""
     beside = file.with_name(f"{file.name}.{os.getpid()}.part")
     try:
         with named(file):

@@ -58,10 +58,8 @@ class Rod(Place):
 
 @dataclass(frozen=True)
 class Rib:
-    """A rib below the plate, welded to it along its whole side, of its material.
-
-    axis: along which it runs, 0 for x, 1 for y. at_m: place of its middle on the other. section_m: width and height.
-    """
+    """A rib below the plate, welded to it along its whole side, of its material. axis: along which it runs, 0 for x, 1
+    for y. at_m: place of its middle on the other. section_m: width and height."""
 
     axis: int
     at_m: float

@@ -243,11 +243,10 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _one_way_to_set_accuracy(self) -> Self:
-        keys = {"time.time_step_s": self.time.time_step_s, "time.co_step": self.time.co_step}
-        if isinstance(self.plate, FlexiblePlate):
-            keys["plate.max_frequency_Hz"] = self.plate.max_frequency_Hz
         if self.tolerance is None:
             return self
+        keys = {"time.time_step_s": self.time.time_step_s, "time.co_step": self.time.co_step,
+                "plate.max_frequency_Hz": getattr(self.plate, "max_frequency_Hz", None)}
         least = least_tolerance(self.stones.agglomerate is not None)
         if self.tolerance < least:
             raise Refused("tolerance", self.tolerance, f"must be at least {least:.2g}, the limit of what was measured "
@@ -313,8 +312,7 @@ def _is_key(names: Sequence[str], tables: Any) -> bool:
 
 def contact_key(first: str, second: str) -> str:
     """Name of a pair in `contacts`: alphabetic, the plate last."""
-    return "_".join([*sorted({first, second} - {PLATE}), PLATE]) if PLATE in (first, second) else "_".join(
-        sorted([first, second]))
+    return "_".join(sorted((first, second), key=lambda name: (name == PLATE, name)))
 
 
 def read_scene(path: str | Path) -> Scene:

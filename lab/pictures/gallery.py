@@ -8,7 +8,6 @@ import matplotlib
 from analysis import read_sweep
 from report.drawing.style import STYLE, lay_out
 from report.page import CHAPTERS
-from report.recognition.figures import RECOGNITION_FIGURES
 from report.sweep_results import SweepResults
 
 SHOWN = ("fig-7", "fig-10", "fig-laws", "fig-area-time", "fig-18", "fig-19", "fig-hilbert", "fig-23", "fig-33",
@@ -19,8 +18,7 @@ PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
 def main(runs: str) -> None:
     """Write the pictures, and print their rows of the table in docs/gallery.md."""
     results = SweepResults(read_sweep(runs))
-    chapters = [*(figures for _, figures, _ in CHAPTERS), RECOGNITION_FIGURES]
-    specs = {spec.key: spec for figures in chapters for spec in figures}
+    specs = {spec.key: spec for _, figures, _ in CHAPTERS for spec in figures}
     for spec in map(specs.__getitem__, SHOWN):
         figure, _ = spec.drawn(results)
         with matplotlib.rc_context(STYLE):

@@ -17,11 +17,8 @@ Series = tuple[str, list[np.ndarray]]
 
 
 def to_csv(figure: Figure) -> str:
-    """Return all curves, points, maps and discs of a figure, one row a point.
-
-    panel: title of the axes, or its number. series: of a curve. x, y: in the units of the axes, which the first lines
-    name. value: of a map or a disc.
-    """
+    """All curves, points, maps and discs of a figure, one row a point. panel: title of the axes, or its number. x, y:
+    in the units of the axes, which the first lines name. value: of a map or a disc."""
     names, rows = [], []
     for number, axis in enumerate(figure.axes, 1):
         panel = axis.get_title(loc="left") or axis.get_title() or f"panel {number}"

@@ -17,10 +17,8 @@ Drawn = Figure | tuple[Figure, str]
 
 @dataclass(frozen=True)
 class FinishedFigure:
-    """A figure as the page shows it. uri: of its SVG, data: packed CSV of its numbers, panels: `data.panels`.
-
-    All three are empty where the runs do not give the figure; the caption then says why.
-    """
+    """A figure as the page shows it. uri: of its SVG, data: packed CSV of its numbers, panels: `data.panels`; all empty
+    where the runs do not give the figure, and the caption then says why."""
 
     key: str
     title: str
@@ -32,11 +30,8 @@ class FinishedFigure:
 
 @dataclass(frozen=True)
 class FigureSpec:
-    """A figure to draw.
-
-    key: its id in the page. caption: what it shows. draw: draws it from the results of a sweep, or of the run of a
-    stream. ratios: it needs at least so many.
-    """
+    """A figure to draw. key: its id in the page. draw: from the results of a sweep, or of the run of a stream. ratios:
+    it needs at least so many."""
 
     key: str
     title: str

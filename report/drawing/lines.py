@@ -1,8 +1,11 @@
 """What many chapters draw: curves over time, thinned to what a screen can show, and values against the mixing ratio."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from report.drawing.style import ACCENT, COAL, GANGUE, PALE, RATIO_LABEL, add_ratio_bar, canvas, ratio_colours
 
@@ -58,11 +61,17 @@ def with_spread(axis: Axes, ratios: np.ndarray, values: np.ndarray, colour: str,
             axis.plot(100 * each, mean + float(f"{sign}1") * deviation, ":", color=colour, label=f"_{name} {sign} sd")
 
 
-def envelope(t_s: np.ndarray, values: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return a curve thinned to about `points` points that keeps every extreme wide enough to be seen.
+def make_logarithmic(scale: Any) -> None:
+    """Marks of an XAxis or a YAxis at 1, 2 and 5 times powers of ten, as plain numbers."""
+    scale._set_axes_scale("log")
+    scale.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
+    scale.set_major_formatter("{x:g}")
+    scale.set_minor_formatter(NullFormatter())
 
-    t_s, values: shape (samples,). Of each of points/2 stretches the least and the largest value remain, in their order.
-    """
+
+def envelope(t_s: np.ndarray, values: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """A curve (samples,) thinned to about `points` points that keeps every extreme wide enough to be seen: of each of
+    points/2 stretches the least and the largest value remain, in their order."""
     bins = points // 2
     if t_s.size <= points:
         return t_s, values

@@ -46,13 +46,17 @@ STRESS_COLOURS, DAMAGE_COLOURS = "cividis", "inferno_r"
 
 def canvas(rows: int, columns: int = 1, *, height_in: float, sharex: bool = False, sharey: bool = False,
            bar: str = "") -> tuple[Figure, np.ndarray]:
-    """Return a figure of the report's width and its axes, shape (rows, columns).
-
-    bar: room for a colour scale, at the "right" or the "bottom"; `bar_axes` gives its axes.
-    """
+    """A figure of the report's width and its axes (rows, columns). bar: room at the "right" or the "bottom" for a
+    colour scale, whose axes `bar_axes` gives."""
     figure = Figure(figsize=(WIDTH_IN, height_in))
     figure.set_gid(bar or "whole")
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex, sharey=sharey)
+
+
+def single(height_in: float, bar: str = "") -> tuple[Figure, Axes]:
+    """A `canvas` with one pair of axes."""
+    figure, axes = canvas(1, height_in=height_in, bar=bar)
+    return figure, axes[0, 0]
 
 
 def bar_axes(figure: Figure) -> Axes:
@@ -63,10 +67,8 @@ def bar_axes(figure: Figure) -> Axes:
 
 
 def to_uri(figure: Figure, name: str) -> str:
-    """Return the figure as a data URI of SVG, in which artists with thousands of shapes are images.
-
-    name: of the figure; it makes the ids inside the SVG the same in every report.
-    """
+    """The figure as a data URI of SVG, in which artists with thousands of shapes are images. name: makes the ids inside
+    the same in every report."""
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": name}):
         lay_out(figure)
         buffer = io.BytesIO()

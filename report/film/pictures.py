@@ -128,11 +128,8 @@ def _placed(found: Arrays, network: Network) -> np.ndarray:
 
 
 def read_arrays(file: Path, names: Collection[str]) -> Arrays:
-    """Return the arrays of these names: `points` (n, 3), `quads` (k, 4) as numbers of points, and what is at points,
-    (n,) or (n, 3).
-
-    Raises OSError or ValueError where the file cannot be read or lacks one.
-    """
+    """The arrays of these names: `points` (n, 3), `quads` (k, 4) as numbers of points, and what is at points, (n,) or
+    (n, 3). Raises OSError or ValueError where the file cannot be read or lacks one."""
     refuse_irregular(file)
     head, mark, data = file.read_bytes().partition(APPENDED)
     if not mark:

@@ -117,12 +117,11 @@ def _bodies(run: Run, network: Network) -> dict[str, Any]:
 
 def _plate(run: Run, film: Film) -> dict[str, Any]:
     plate = run.scene.plate
-    rods = plate.rods or []
     return {
         "size": plate.size_m,
         "thickness": plate.thickness_m,
         "tilt": np.radians(plate.tilt_deg),
-        "rods": [rod.as_json() for rod in rods],
+        "rods": [rod.as_json() for rod in plate.rods or []],
         "walls": [wall_box_m(edge, plate.size_m, height)
                   for edge, height in plate.wall_height_m.items()] if plate.size_m else [],
         "node": pack(film.node_m, "<f4"),
@@ -142,8 +141,8 @@ def _series(run: Run, series: Series, film: Film, quantum_m: float) -> dict[str,
     position = quantised(np.nan_to_num(film.centre_m, nan=np.inf), quantum_m)
     position[(position == OUTSIDE).any(axis=-1)] = OUTSIDE
     deflection, deflection_quantum = _scaled(film.deflection_m)
-    # An eighth bit more than a colour can show.
-    stress_quantum = max(float(film.stress_Pa.max()), 1.0) / 511 if film.stress_Pa.size else 1.0
+    stress_Pa = film.stress_Pa if film.stress_Pa.size else np.zeros(1)
+    stress_quantum = max(float(stress_Pa.max()), 1.0) / 511  # an eighth bit more than a colour can show
     return {
         "key": series.key,
         "title": series.title,
@@ -154,15 +153,11 @@ def _series(run: Run, series: Series, film: Film, quantum_m: float) -> dict[str,
         "deflectionQuantum": deflection_quantum,
         "stress": pack_moving(quantised(film.stress_Pa, stress_quantum)),
         "stressQuantum": stress_quantum,
-        "stressShown": _stress_shown_Pa(film),
+        # The end of the colour scale is exceeded for a moment at a few nodes, mostly those at the rods.
+        "stressShown": max(float(np.quantile(stress_Pa, 0.998)), 1.0),
         "curves": {name: _curve(run, column, end_s)
                    for name, column in (("force", "force_N"), ("acceleration", "a_m_s2")) if column in run.signals},
     }
-
-
-def _stress_shown_Pa(film: Film) -> float:
-    """Return the end of the colour scale: exceeded for a moment at a few nodes, mostly those at the rods."""
-    return max(float(np.quantile(film.stress_Pa, 0.998)), 1.0) if film.stress_Pa.size else 1.0
 
 
 def _curve(run: Run, column: str, end_s: float) -> dict[str, str]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from common.channels import RESPONSES
 from report.missing import MissingResult
-from report.recognition.results import FUSION_Q, FUSION_WORDS, HELD_OUT
+from report.recognition.results import FUSION_Q, FUSION_WORDS, HELD_OUT, Recognition
 from report.sweep_results import SweepResults
 from report.verdicts import (
     HELD,
@@ -18,6 +18,7 @@ from report.verdicts import (
     graded,
     held_if,
     held_if_all,
+    listed,
     overlap,
     separation,
     spearman,
@@ -27,12 +28,12 @@ from report.verdicts import (
 
 
 def q_rises(results: SweepResults) -> Finding:
-    q = results.recognition.q
+    q = results.of(Recognition).q
     return graded(spearman(results.ratios, q), 0.9, 0.5), describe_trend(results.ratios, q)
 
 
 def q_is_quadratic(results: SweepResults) -> Finding:
-    fit = results.recognition.q_quadratic
+    fit = results.of(Recognition).q_quadratic
     if not np.isfinite(fit.r2_adjusted):
         raise MissingResult(f"{len(results.ratios)} ratios; an adjusted R^2 needs more")
     c = fit.coefficients
@@ -41,14 +42,14 @@ def q_is_quadratic(results: SweepResults) -> Finding:
 
 
 def q_deviates(results: SweepResults) -> Finding:
-    off = results.recognition.q_quadratic(results.ratios) - results.recognition.q
+    off = results.of(Recognition).q_quadratic(results.ratios) - results.of(Recognition).q
     value = f"{np.abs(off).min():.4f} to {np.abs(off).max():.4f}"
     to_both_sides = off.min() < 0 < off.max()
     return (HELD if to_both_sides and np.abs(off).max() > 0.01 else PARTLY if to_both_sides else NOT_HELD), value
 
 
 def q_recognises_roughly(results: SweepResults) -> Finding:
-    errors = np.abs(results.recognition.errors_points(HELD_OUT, FUSION_Q))
+    errors = np.abs(results.of(Recognition).errors_points(HELD_OUT, FUSION_Q))
     if errors.size == 0:
         raise MissingResult("Q gives no answer at all")
     value = f"held out: mean {errors.mean():.2f}, worst {errors.max():.2f} points"
@@ -61,7 +62,7 @@ ENERGY_NAMES = ("total_J", "kinetic_J", "internal_J")
 def filter_calms(results: SweepResults) -> Finding:
     calmer = {}
     for name in RESPONSES:
-        before, after = results.sweep.stack(name), results.recognition.filtered[name]
+        before, after = results.sweep.stack(name), results.of(Recognition).filtered[name]
         rough = np.mean([fluctuation(b) / fluctuation(a) for a, b in zip(before, after, strict=True)])
         calmer[name] = (rough, np.abs(after).max() / np.abs(before).max())
     all_calmer = all(rough < 1 and size < 1 for rough, size in calmer.values())
@@ -70,16 +71,14 @@ def filter_calms(results: SweepResults) -> Finding:
 
 
 def filtered_energy_is_clearer(results: SweepResults) -> Finding:
-    pairs = {
-        name: (overlap(results.sweep.stack(name)), overlap(results.recognition.filtered[name]))
-        for name in ENERGY_NAMES
-    }
+    pairs = {name: (overlap(results.sweep.stack(name)), overlap(results.of(Recognition).filtered[name]))
+             for name in ENERGY_NAMES}
     numbers = ", ".join(f"{name} {before:.4f} to {after:.4f}" for name, (before, after) in pairs.items())
     return held_if_all([after < before for before, after in pairs.values()]), f"overlap: {numbers}"
 
 
 def filtered_peaks_cross_at_the_end(results: SweepResults) -> Finding:
-    filtered = results.recognition.filtered["total_J"]
+    filtered = results.of(Recognition).filtered["total_J"]
     at_90, at_100 = (filtered[results.index_at(ratio)] for ratio in (0.9, 1.0))
     peak = int(np.argmax(at_100))
     window = slice(max(0, peak - 10), peak + 11)
@@ -88,20 +87,18 @@ def filtered_peaks_cross_at_the_end(results: SweepResults) -> Finding:
 
 
 def filtered_motion_is_not_monotone(results: SweepResults) -> Finding:
-    against = {}
-    for name in ("a_m_s2", "v_m_s", "u_m"):
-        amplitude = np.abs(results.recognition.filtered[name]).max(axis=1)
-        against[name] = int(np.sum(np.diff(amplitude) < 0))
-    value = "steps against the rise: " + ", ".join(f"{name} {count}" for name, count in against.items())
-    return held_if_all([count > 0 for count in against.values()]), value
+    filtered = results.of(Recognition).filtered
+    largest = {name: np.abs(filtered[name]).max(axis=1) for name in ("a_m_s2", "v_m_s", "u_m")}
+    against = {name: int(np.sum(np.diff(values) < 0)) for name, values in largest.items()}
+    return held_if_all([count > 0 for count in against.values()]), f"steps against the rise: {listed(against, 'd')}"
 
 
 def fused_maxima(results: SweepResults) -> dict[str, np.ndarray]:
-    return {kind: np.abs(curves - curves[:, :1]).max(axis=1) for kind, curves in results.recognition.fused.items()}
+    return {kind: np.abs(curves - curves[:, :1]).max(axis=1) for kind, curves in results.of(Recognition).fused.items()}
 
 
 def energy_fusion_is_stratified(results: SweepResults) -> Finding:
-    curves = results.recognition.fused["energy"][:, results.t_s <= 0.03]
+    curves = results.of(Recognition).fused["energy"][:, results.t_s <= 0.03]
     order, crossed = stratification(results.ratios, curves), overlap(curves)
     value = f"mean |Spearman| {order:.4f}, {100 * crossed:.2f} % of neighbours out of order"
     return graded(order, 0.95, 0.8), value
@@ -109,14 +106,13 @@ def energy_fusion_is_stratified(results: SweepResults) -> Finding:
 
 def _mean_travel(results: SweepResults) -> dict[str, float]:
     """Return the way up and down over twice the range, mean over the runs, of each fusion."""
-    fused = results.recognition.fused
+    fused = results.of(Recognition).fused
     return {kind: float(np.mean([travel(curve) for curve in curves])) for kind, curves in fused.items()}
 
 
 def energy_fusion_has_one_peak(results: SweepResults) -> Finding:
     ways = _mean_travel(results)
-    numbers = ", ".join(f"{kind} {way:.2f}" for kind, way in ways.items())
-    return graded(ways["energy"], 1.2, 2.0), f"way up and down over twice the range: {numbers}"
+    return graded(ways["energy"], 1.2, 2.0), f"way up and down over twice the range: {listed(ways, '.2f')}"
 
 
 def energy_fusion_is_calmest(results: SweepResults) -> Finding:
@@ -127,7 +123,7 @@ def energy_fusion_is_calmest(results: SweepResults) -> Finding:
 
 
 def energy_fusion_separates_best(results: SweepResults) -> Finding:
-    fused = results.recognition.fused
+    fused = results.of(Recognition).fused
     order = {kind: stratification(results.ratios, curves) for kind, curves in fused.items()}
     apart = {kind: separation(curves) for kind, curves in fused.items()}
     best = [max(order, key=order.__getitem__), max(apart, key=apart.__getitem__)]
@@ -136,18 +132,16 @@ def energy_fusion_separates_best(results: SweepResults) -> Finding:
 
 
 def strategy_beats_q(results: SweepResults) -> Finding:
-    of_q = np.abs(results.recognition.errors_points(HELD_OUT, FUSION_Q))
+    of_q = np.abs(results.of(Recognition).errors_points(HELD_OUT, FUSION_Q))
     if of_q.size == 0:
         raise MissingResult("Q gives no answer")
     count = len(results.runs)
     numbers, better = [f"Q {of_q.mean():.2f} ({of_q.size} of {count} answered)"], []
     for method, words in FUSION_WORDS.items():
-        errors = np.abs(results.recognition.errors_points(HELD_OUT, method))
+        errors = np.abs(results.of(Recognition).errors_points(HELD_OUT, method))
         better.append(errors.size == count and bool(errors.mean() < of_q.mean()))
-        if errors.size:
-            numbers.append(f"{words} {errors.mean():.2f} ({errors.size} of {count} answered)")
-        else:
-            numbers.append(f"{words} no answer")
+        numbers.append(f"{words} {errors.mean():.2f} ({errors.size} of {count} answered)" if errors.size else
+                       f"{words} no answer")
     return held_if_all(better), f"mean error in points, held out: {', '.join(numbers)}"
 
 

@@ -5,7 +5,6 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis import Sweep
 from analysis.signals.features import BASE_PARAMETERS
 from common.channels import RESPONSES
 from common.process.processes import side_by_side
@@ -18,15 +17,13 @@ from recognition.paper.fusion import FUSIONS, Fusion, kalman_filter
 from recognition.paper.pipeline import FusionPipeline
 from recognition.paper.q_parameter import FusionQ, PolynomialFit, fit_polynomial
 from recognition.paper.strategy import Candidates
-from report.signals.results import SignalResults
+from report.signals import Signals
+from report.sweep_results import SweepResults
 
-#: The three methods of the paper.
-FUSION_Q = "fusion_q"
-FUSION_AS_PUBLISHED = "energy_fusion_as_published"
-FUSION_MODIFIED = "energy_fusion_modified"
+FUSION_Q, FUSION_MODIFIED = "fusion_q", "energy_fusion_modified"  # methods of the paper
 
 #: The paper's energy fusion in a few words, for the statement that compares it with Q.
-FUSION_WORDS = {FUSION_AS_PUBLISHED: "as published", FUSION_MODIFIED: "modified"}
+FUSION_WORDS = {"energy_fusion_as_published": "as published", FUSION_MODIFIED: "modified"}
 
 #: {name: as a reader sees it}, in order.
 MODEL_METHODS = {name: entry.title for name, entry in METHODS.items()}
@@ -38,17 +35,12 @@ LEADING_METHODS = ("arrangement_likelihood", "energies_sensors")
 TRAINED_ON_ALL, HELD_OUT = "trained on all", "that ratio held out"
 
 
-class RecognitionResults:
-    """Answers of every method, and the steps of the paper's methods on the way to them.
+class Recognition:
+    """Answers of every method, and the steps of the paper's methods on the way to them. Raises RecognitionError for
+    fewer than four different mixing ratios."""
 
-    Raises RecognitionError for fewer than four different mixing ratios.
-    """
-
-    def __init__(self, sweep: Sweep, signals: SignalResults):
-        self._sweep = sweep
-        self._runs = sweep.runs
-        self._ratios = sweep.ratios
-        self._signals = signals
+    def __init__(self, results: SweepResults):
+        self._results, self._runs, self._ratios = results, results.runs, results.ratios
 
     @cached_property
     def prepared(self) -> PreparedRuns:
@@ -92,7 +84,7 @@ class RecognitionResults:
     @cached_property
     def _base(self) -> np.ndarray:
         """The eight base parameters of Q, shape (runs, 8)."""
-        return np.column_stack([self._signals.parameters[name] for name in BASE_PARAMETERS])
+        return np.column_stack([self._results.of(Signals).parameters[name] for name in BASE_PARAMETERS])
 
     @cached_property
     def standardised_base(self) -> tuple[np.ndarray, np.ndarray]:
@@ -118,7 +110,7 @@ class RecognitionResults:
     @cached_property
     def filtered(self) -> dict[str, np.ndarray]:
         """The six responses after the Kalman filter, in SI units, shape (runs, samples) each."""
-        return {name: kalman_filter(self._sweep.stack(name)) for name in RESPONSES}
+        return {name: kalman_filter(self._results.sweep.stack(name)) for name in RESPONSES}
 
     @cached_property
     def _fusions(self) -> dict[str, Fusion]:
@@ -151,10 +143,8 @@ class RecognitionResults:
                 for k, moment in zip(chosen, space.moments[chosen], strict=True)]
 
     def candidates(self, index: int) -> dict[str, Candidates]:
-        """Return the candidates for run `index` by the paper's strategies, fitted to all other ratios.
-
-        The keys are the methods as a reader sees them. Raises RecognitionError where none can be fitted.
-        """
+        """Candidates for run `index` by the paper's strategies, fitted to all other ratios, by the methods as a reader
+        sees them. Raises RecognitionError where none can be fitted."""
         run = self._runs[index]
         others = [other for other in self._runs if other.gangue_ratio != run.gangue_ratio]
         window, ratios = Window.of(others), np.array([other.gangue_ratio for other in others])

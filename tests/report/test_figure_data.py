@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from report.drawing.data import to_csv
-from report.response.figures import stress_maps
+from report.response import stress_maps
 
 
 def read_back(figure):

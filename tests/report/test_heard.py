@@ -8,8 +8,7 @@ import pytest
 
 from analysis.sweep.runs import COLUMNS
 from report.missing import MissingResult
-from report.stream.figures import stop
-from report.stream.results import HEARD_WINDOW_S, HeardStream, StreamResults
+from report.stream import HEARD_WINDOW_S, HeardStream, StreamResults, stop
 
 
 def fallen(path):

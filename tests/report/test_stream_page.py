@@ -18,8 +18,7 @@ from common.scene.scene import changed_scene
 from dem.run.prepare import prepare
 from dem.run.run import run_scene
 from recognition.stream.stones import COLUMNS
-from report.stream.figures import fell, hits, pieces
-from report.stream.results import HEARD_WINDOW_S, StreamResults
+from report.stream import HEARD_WINDOW_S, StreamResults, fell, hits, pieces
 
 SCENE = Path(__file__).parents[2] / "scenes" / "stream.toml"
 SMALL = {"stones.agglomerate.subspheres": 24, "stones.agglomerate.contact": "sub_spheres", "time.view_interval_s": None,

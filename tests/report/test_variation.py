@@ -9,8 +9,7 @@ import pandas as pd
 import pytest
 
 from analysis import read_run, read_sweep
-from report.breakage.claims import BREAKAGE_STATEMENTS
-from report.breakage.figures import BREAKAGE_FIGURES, broken_areas
+from report.breakage import BREAKAGE_FIGURES, BREAKAGE_STATEMENTS, broken_areas
 from report.drawing.data import to_csv
 from report.missing import MissingResult
 from report.sweep_results import SweepResults
