@@ -25,24 +25,12 @@ STEP_M = 5e-4  # of the slope of a shape
 @dataclass(frozen=True)
 class Parameters:
     """coupling (p,): S of each pair of `Structure.pairs`; log_damping (m,): of the damping over the starting one;
-    log_gain (s,); sensor_shift_m (s, 2)."""
+    log_gain (s,); sensor_shift_m (s, 2). All are zero for the plate that it is thought to be."""
 
     coupling: Floats
     log_damping: Floats
     log_gain: Floats
     sensor_shift_m: Floats
-
-    def moved(self, step: Floats) -> "Parameters":
-        """By a step (size,) in the order of the fields."""
-        parts, start = [], 0
-        for value in (self.coupling, self.log_damping, self.log_gain, self.sensor_shift_m):
-            parts.append(value + step[start:start + value.size].reshape(value.shape))
-            start += value.size
-        return Parameters(*parts)
-
-    @property
-    def vector(self) -> Floats:
-        return np.concatenate([self.coupling, self.log_damping, self.log_gain, self.sensor_shift_m.ravel()])
 
 
 @dataclass(frozen=True)
@@ -61,9 +49,15 @@ class Structure:
         return np.concatenate([own, first[near]]), np.concatenate([own, second[near]])
 
     @property
-    def start(self) -> Parameters:
-        m, s = self.plate.frequency_Hz.size, len(self.plate.sensor_names)
-        return Parameters(np.zeros(self.pairs[0].size), np.zeros(m), np.zeros(s), np.zeros((s, 2)))
+    def sizes(self) -> list[int]:
+        """Of the fields of `Parameters`."""
+        sensors = len(self.plate.sensor_names)
+        return [self.pairs[0].size, self.plate.frequency_Hz.size, sensors, 2 * sensors]
+
+    def parameters(self, vector: Floats) -> Parameters:
+        """From their numbers (sum of `sizes`,), field by field."""
+        *parts, shift_m = np.split(vector, np.cumsum(self.sizes)[:-1])
+        return Parameters(*parts, shift_m.reshape(-1, 2))
 
     def slopes(self, points_m: Floats) -> Floats:
         """(k, 2, m): slopes of the shapes along x and y at points (k, 2)."""
@@ -117,13 +111,13 @@ class Structure:
         return np.asarray(-s**2 * (shape @ motion.T))
 
     def derivatives(self, parameters: Parameters, s: np.ndarray, sensors: np.ndarray, motion: np.ndarray) -> np.ndarray:
-        """(sensors, n, size): of `transfer` by the vector of parameters; sensors, motion: of `motions`."""
+        """(sensors, n, size): of `transfer` by the numbers of the parameters; sensors, motion: of `motions`."""
         first, second = self.pairs
         omega, number = 2 * np.pi * self.plate.frequency_Hz, len(parameters.log_gain)
         scale = np.exp(parameters.log_gain)[:, None] * s**2
         share = np.where(first == second, 1.0, 2.0) * omega[first] * omega[second]
         transfer = self.transfer(parameters, s, motion)
-        out = np.zeros((number, s.size, parameters.vector.size), complex)
+        out = np.zeros((number, s.size, sum(self.sizes)), complex)
         p, m = first.size, omega.size
         by_damping = self.damping(parameters.log_damping) * s[:, None] * motion
         for i in range(number):

@@ -24,7 +24,7 @@ from recognition.plate.plate_model import FORMAT, PlateModel
 from recognition.plate.records import numbers, read_accelerations
 from recognition.sensors.channel_check import channel_faults, clipped
 from recognition.tapping.fit import BEYOND, IDENTIFIED, Fitted, Prior, fit_plate
-from recognition.tapping.structure import Parameters
+from recognition.tapping.structure import Parameters, Structure
 from recognition.tapping.taps import Tap
 from recognition.tapping.window import BAND
 
@@ -57,9 +57,9 @@ def learnt(fitted: Fitted, prior: Prior | None = None) -> Learnt:
     """The plate of a fit. What the fit leaves unexplained about the frequency of a mode counts as error of its shape,
     half the power each for sensor and place. Raises RecognitionError where a mode may have lost its stiffness, or does
     not ring."""
-    structure, parameters = fitted.structure, fitted.state.parameters
-    frequency, damping, turn = _modes(fitted, parameters)
-    draws = [_matched(fitted, parameters.moved(step), turn) for step in _steps(fitted)]
+    structure, parameters = fitted.structure, fitted.structure.parameters(fitted.vector)
+    frequency, damping, turn = _modes(structure, parameters)
+    draws = [_matched(structure, fitted.vector + step, turn) for step in _steps(fitted)]
     _check_stiff(structure.plate, [frequency, *(draw[0] for draw in draws)], damping)
     off = np.stack([draw[2] - turn for draw in draws])
     plate, gram = structure.plate, _gram(structure.plate)
@@ -95,9 +95,8 @@ def _steps(fitted: Fitted) -> Floats:
     return np.asarray(normal * np.sqrt(np.maximum(values, 0.0)) @ vectors.T, float)
 
 
-def _modes(fitted: Fitted, parameters: Parameters) -> tuple[Floats, Floats, Floats]:
+def _modes(structure: Structure, parameters: Parameters) -> tuple[Floats, Floats, Floats]:
     """Frequencies (m,), damping ratios (m,) and, column by column, the modes (m, m) in terms of the starting ones."""
-    structure = fitted.structure
     squares, turn = np.linalg.eigh(structure.stiffness(parameters.coupling))
     omega = np.sqrt(np.where(squares > 1e-12 * squares[-1], squares, 0.0))
     turn = turn * np.where(turn[abs(turn).argmax(axis=0), np.arange(omega.size)] < 0, -1.0, 1.0)
@@ -105,9 +104,9 @@ def _modes(fitted: Fitted, parameters: Parameters) -> tuple[Floats, Floats, Floa
     return omega / (2 * np.pi), damping / np.where(omega > 0, 2 * omega, np.inf), turn
 
 
-def _matched(fitted: Fitted, parameters: Parameters, turn: Floats) -> tuple[Floats, Floats, Floats]:
-    """`_modes`, each in the place and with the sign of the one in `turn` that it is most alike."""
-    frequency, damping, other = _modes(fitted, parameters)
+def _matched(structure: Structure, vector: Floats, turn: Floats) -> tuple[Floats, Floats, Floats]:
+    """`_modes` of parameters, each in the place and with the sign of the one in `turn` that it is most alike."""
+    frequency, damping, other = _modes(structure, structure.parameters(vector))
     alike = turn.T @ other
     order = linear_sum_assignment(-abs(alike))[1]
     sign = np.sign(alike[np.arange(order.size), order])

@@ -31,6 +31,10 @@ class Spectra:
     force: np.ndarray | None
     independent: float
 
+    @property
+    def frequency_Hz(self) -> Floats:
+        return np.asarray(self.s.imag / (2 * np.pi), float)
+
 
 def samples_of(taps: Sequence[Tap], lead_s: float) -> int:
     """How many samples all taps have from lead_s before their onset on."""
