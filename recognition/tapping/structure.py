@@ -56,8 +56,8 @@ class Structure:
 
     def parameters(self, vector: Floats) -> Parameters:
         """From their numbers (sum of `sizes`,), field by field."""
-        *parts, shift_m = np.split(vector, np.cumsum(self.sizes)[:-1])
-        return Parameters(*parts, shift_m.reshape(-1, 2))
+        coupling, log_damping, log_gain, shift_m = np.split(vector, np.cumsum(self.sizes)[:-1])
+        return Parameters(coupling, log_damping, log_gain, shift_m.reshape(-1, 2))
 
     def slopes(self, points_m: Floats) -> Floats:
         """(k, 2, m): slopes of the shapes along x and y at points (k, 2)."""
