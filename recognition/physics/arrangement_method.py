@@ -82,10 +82,6 @@ class ArrangementLikelihood:
         other.model_ = on_plate(self.model_, plate)
         return other
 
-    @property
-    def _arrival_s(self) -> float | None:
-        return 0.0 if self.exact_trigger else None
-
     def answer(self, X: Sequence[PlateRecord]) -> list[Answer]:
         @cache
         def search() -> FallSearch:
@@ -94,7 +90,7 @@ class ArrangementLikelihood:
         return [self._answer(x, search) for x in X]
 
     def _answer(self, x: PlateRecord, search: Callable[[], FallSearch]) -> Answer:
-        model, arrival_s = self.model_, self._arrival_s
+        model, arrival_s = self.model_, 0.0 if self.exact_trigger else None
         if x.signals.shape[1] < model.samples:
             raise RecognitionError(f"{x.signals.shape[1]} samples; the model has {model.samples}")
         known = model.names
