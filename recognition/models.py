@@ -37,16 +37,6 @@ from recognition.sensors.channel_check import channel_faults, samples_before_imp
 T = TypeVar("T")
 
 
-def encode(value: Any) -> Any:
-    """A dataclass as nested dicts and lists."""
-    return _converter.unstructure(value)
-
-
-def decode(data: Any, of: type[T]) -> T:
-    """A dataclass from what `encode` made of it. ValueError, KeyError or TypeError for anything else."""
-    return _converter.structure(data, of)
-
-
 def _array(data: Any, of: Any) -> Any:
     """An array of the kind of number that its type names."""
     kind = np.dtype(get_args(get_args(of)[1])[0])
@@ -104,6 +94,8 @@ _converter.register_structure_hook_func(_is_array, _array)
 _converter.register_unstructure_hook_func(_is_array, lambda array: array.tolist())
 _converter.register_structure_hook_factory(is_dataclass, _structure)
 _converter.register_unstructure_hook_factory(is_dataclass, _unstructure)
+#: A dataclass as nested dicts and lists, and one from these: ValueError, KeyError or TypeError for anything else.
+encode, decode = _converter.unstructure, _converter.structure
 
 
 FORMAT = "coal-gangue mixing ratio"
@@ -160,12 +152,6 @@ class Model:
         if known is not None and here and here != known and isinstance(self.methods[name], FeatureRegression):
             raise RecognitionError(f"accelerometers {', '.join(here)}; the training has {', '.join(map(str, known))}")
         return self.methods[name].prepare(table)
-
-    def at_impact(self) -> Self:
-        """The same for records that begin as those of the simulation do: no method seeks the moment of the impact."""
-        known = {name: method.at_impact() for name, method in self.methods.items()
-                 if isinstance(method, ArrangementLikelihood)}
-        return replace(self, methods=self.methods | known)
 
     def on_plate(self, plate: PlateModel) -> Self:
         """For records of a plate that was learnt by tapping. Only the arrangement likelihood knows of the plate; what
@@ -310,7 +296,10 @@ class PreparedRuns:
 
     def answers_by(self, model: Model, index: int) -> dict[str, Answer]:
         """Answers of a model to one of these runs, the moment of the impact being known."""
-        return model.at_impact().answers_to(lambda name: self.features[name][index])
+        at_impact = {name: method.at_impact() for name, method in model.methods.items()
+                     if isinstance(method, ArrangementLikelihood)}
+        known = replace(model, methods=model.methods | at_impact)
+        return known.answers_to(lambda name: self.features[name][index])
 
 
 def _answer(method: Method, features: Any) -> Answer:

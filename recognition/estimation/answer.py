@@ -13,14 +13,6 @@ WIDE_points = 5.0
 NINE_IN_TEN = 1.645  # standard deviations of a normal law to either side
 
 
-def warning_of(low: float, ratio: float, high: float) -> str:
-    """What is printed of a 90 % interval that is so wide that the ratio alone would mislead, "" of any other."""
-    reach_points = 100 * max(ratio - low, high - ratio)
-    if not reach_points > WIDE_points + 1e-9:  # ratios are rounded
-        return ""
-    return f"WARNING: uncertain, the 90 % interval reaches {reach_points:.1f} points from the ratio"
-
-
 @dataclass(frozen=True)
 class Answer:
     """Mixing ratio of one record.
@@ -55,7 +47,11 @@ class Answer:
 
     @property
     def warning(self) -> str:
-        return warning_of(self.low, self.ratio, self.high)
+        """What is printed of an interval that is so wide that the ratio alone would mislead, "" of any other."""
+        reach_points = 100 * max(self.ratio - self.low, self.high - self.ratio)
+        if not reach_points > WIDE_points + 1e-9:  # ratios are rounded
+            return ""
+        return f"WARNING: uncertain, the 90 % interval reaches {reach_points:.1f} points from the ratio"
 
     @property
     def text(self) -> str:

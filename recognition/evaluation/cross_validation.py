@@ -160,11 +160,6 @@ def _line(row: dict[str, Any]) -> str:
                     f"flagged {100 * row['flagged']:.0f} %")
 
 
-def table(results: list[Result]) -> pd.DataFrame:
-    """evaluation.csv."""
-    return pd.DataFrame([summary(result) for result in results])
-
-
 def write_evaluation(data: DataSet, directory: str | Path, methods: Registry) -> Path:
     """Evaluate methods on a data set; writes evaluation.csv into a directory and returns its path. Raises
     RecognitionError where it has no run of any case."""
@@ -172,5 +167,6 @@ def write_evaluation(data: DataSet, directory: str | Path, methods: Registry) ->
     if not data.of(*known).size:
         raise RecognitionError(f"{directory}: families {', '.join(data.table['family'].unique())}; needs one of "
                                f"{', '.join(known)}")
-    write_text(file, stamped(table(evaluate(data, methods)).to_csv(index=False, float_format="%.4g"), "# {}"))
+    rows = pd.DataFrame(map(summary, evaluate(data, methods)))
+    write_text(file, stamped(rows.to_csv(index=False, float_format="%.4g"), "# {}"))
     return file

@@ -21,10 +21,14 @@ from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
+import pandas as pd
 
+from analysis.sweep.runs import Run
 from recognition.estimation.arrays import Booleans, Floats, Integers, finite, training
 from recognition.estimation.errors import NotRecognised, RecognitionError
-from recognition.estimation.method import Fitted
+from recognition.estimation.method import Fitted, RecordEstimator
+from recognition.estimation.noise import noisy_copies
+from recognition.paper.fusion import Fusion
 from recognition.paper.q_parameter import fit_polynomials, real_roots
 
 #: Judging standards. "mean", as published, is over the usable points only, so that a wrong candidate may win by having
@@ -175,3 +179,43 @@ class Strategy(Fitted):
         if self.judge == "truncated":
             return np.minimum(difference, self.xi).sum(axis=1) / others
         return np.where(usable, difference, 0.0).sum(axis=1) / np.maximum(usable.sum(axis=1), 1)
+
+
+@dataclass(eq=False)
+class FusionPipeline(RecordEstimator):
+    """A fusion of plate responses and the strategy on its curve, as in Figure 38; a method of recognition.
+
+    fusion: which responses, and the filter; strategy: function space and judge; neither is fitted yet. X has the shape
+    (runs, copies, m, n): `prepare` of each run's signals.
+
+    >>> sweep = read_sweep("runs/paper")
+    >>> pipeline = FusionPipeline(Fusion("energy"), Strategy(Rule(degree=2), judge="truncated"))
+    >>> X = np.stack([pipeline.prepare(run.signals) for run in sweep.runs])
+    >>> bool(abs(pipeline.fit(X, sweep.ratios).predict(X) - sweep.ratios).max() < 0.05)
+    True
+    """
+
+    fusion: Fusion = field(default_factory=Fusion)
+    strategy: Strategy = field(default_factory=Strategy)
+
+    def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
+        """Responses of a record and of its `noisy_copies`, shape (copies, m, n)."""
+        return np.stack([self.fusion.prepare(one) for one in noisy_copies(signals)])
+
+    def learn(self, features: Floats, ratios: Floats) -> Self:
+        """Fusion and function space, from responses (runs, m, n)."""
+        self.fusion.fit(features)
+        self.strategy.fit(self.fusion.transform(features), ratios)
+        return self
+
+    def transform(self, responses: Floats) -> Floats:
+        """Fusion curves QQ, shape (runs, n)."""
+        return self.fusion.transform(responses)
+
+    def ratio_of(self, features: Floats) -> float:
+        """By responses (m, n). Raises NotRecognised."""
+        return self.strategy.recognise(self.transform(features))
+
+    def summary(self) -> str:
+        space = self.strategy.space_
+        return f"functions at {space.moments.size} of {space.n_moments} moments"

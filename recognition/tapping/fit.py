@@ -21,8 +21,16 @@ from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.tapping.structure import Structure
-from recognition.tapping.taps import Tap, check_taps
-from recognition.tapping.window import LEAST_PERIODS, band_power, check_band, noise_power, samples_of, spectra
+from recognition.tapping.taps import (
+    LEAST_PERIODS,
+    Tap,
+    band_power,
+    check_band,
+    check_taps,
+    noise_power,
+    samples_of,
+    spectra,
+)
 
 HAT_S = 5e-5  # distance of the hats
 LASTS_S = 1.5e-3  # at most, a tap

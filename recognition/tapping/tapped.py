@@ -25,8 +25,7 @@ from recognition.plate.records import numbers, read_accelerations
 from recognition.sensors.channel_check import channel_faults, clipped
 from recognition.tapping.fit import BEYOND, IDENTIFIED, Fitted, Prior, fit_plate
 from recognition.tapping.structure import Parameters, Structure
-from recognition.tapping.taps import Tap
-from recognition.tapping.window import BAND
+from recognition.tapping.taps import BAND, Tap
 
 DRAWS, SEED = 64, 1  # of the posterior
 

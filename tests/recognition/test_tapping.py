@@ -14,8 +14,7 @@ from recognition.plate.plate_model import PlateModel
 from recognition.tapping.fit import Fit, Prior, fit_plate
 from recognition.tapping.structure import Structure
 from recognition.tapping.tapped import learnt
-from recognition.tapping.taps import Tap
-from recognition.tapping.window import spectra
+from recognition.tapping.taps import Tap, spectra
 
 SCENE = resource("scenes") / "paper.toml"
 PLACES = np.array([[0.11, 0.07], [-0.16, 0.13]])
