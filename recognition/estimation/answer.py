@@ -18,8 +18,7 @@ class Answer:
     """Mixing ratio of one record.
 
     ratio: not clipped to 0..1, NaN where there is none, and then `reason` says why. low, high: ends of the 90 %
-    interval, NaN from a method without intervals. out_of_distribution: why the record is unlike those of the training,
-    "" if it is not.
+    interval, or NaN. out_of_distribution: why the record is unlike those of the training, "" if it is not.
 
     >>> Answer(0.31, low=0.28, high=0.34).text
     '31.0 %, 90 % interval 28.0 to 34.0'

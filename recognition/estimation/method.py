@@ -27,8 +27,7 @@ Groups = Sequence[Any] | NDArray[Any]
 class Method(Protocol):
     """A record becomes features, features train the method, and the trained method answers.
 
-    A method is a dataclass. Its fields ending in an underscore are set by `fit`; with the others they are what the
-    model file holds.
+    A method is a dataclass, which the model file holds. `fit` sets its fields ending in an underscore.
     """
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Any:

@@ -78,8 +78,7 @@ def channel_names(columns: Iterable[str], kind: str) -> list[str]:
 
 
 def channels_of(signals: pd.DataFrame, kind: str) -> Floats:
-    """Signals of a set of CHANNELS, shape (channels, samples). RecognitionError for a missing column or a value that is
-    not finite."""
+    """Signals of a set of CHANNELS, shape (channels, samples). RecognitionError for one missing or not finite."""
     names = channel_names(signals.columns, kind)
     values = signals[names].to_numpy(dtype=float).T
     if not np.all(np.isfinite(values)):

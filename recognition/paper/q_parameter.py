@@ -97,8 +97,7 @@ def real_roots(function: Callable[[Integers, Floats], Floats], values: Floats) -
 
     function(k, beta): elementwise value of function number k at beta. Returns (k, beta) of every root, both shape (r,),
     in order of k, then beta: none, one or several for each k. Roots are bracketed on a grid of 0.01 of ratio and
-    bisected, so that any continuous form of fit will do; a pair of roots closer than the grid is no answer that one
-    could use, and is passed over.
+    bisected, so that any continuous form of fit will do; pairs closer than the grid are passed over.
     """
     values = np.asarray(values, dtype=float)
     above = function(np.arange(values.size)[:, None], _GRID[None, :]) - values[:, None] >= 0

@@ -55,8 +55,7 @@ class PlateRecord:
 
 def alike(X: Sequence[PlateRecord]) -> tuple[Integers, bool]:
     """Numbers of the records whose stones fall at once and on the places that most have; where no two are so, of all
-    with forces of as many stones, and True: places and arrivals are each record's own. RecognitionError if they are
-    few."""
+    with forces of as many stones, and True: places and arrivals are each record's own. RecognitionError for few."""
     falls = {k: x.force_record.fall for k, x in enumerate(X) if x.force_record is not None}
     places = {k: fall.place_m.round(6).tobytes() for k, fall in falls.items() if fall.at_once}
     own = not places or max(Counter(places.values()).values()) == 1
@@ -73,7 +72,7 @@ def alike(X: Sequence[PlateRecord]) -> tuple[Integers, bool]:
 
 
 def fit_model(X: Sequence[PlateRecord], groups: Floats) -> ArrangementModel:
-    """From records and their groups, of those that `alike` chooses, on the plate and places of the first. Raises
+    """From records and their groups, of those that `alike` chooses, on the plate and places of the first.
     RecognitionError."""
     chosen, own = alike(X)
     forces = [record for k in chosen if (record := X[k].force_record) is not None]
@@ -138,8 +137,7 @@ def _scatter_by_damping(coal: Floats, gangue: Floats) -> Floats:
 
 
 def _forces(record: ForceRecord, force: Floats) -> Floats:
-    """Impulses (steps, 1) of a hat each, a force (bins,) over all steps of a record, to convolve the
-    response to a hat with."""
+    """Impulses (steps, 1) of a hat each, a force (bins,) over a record, to convolve with the response to a hat."""
     impulses, width = np.zeros((record.force_N.shape[1], 1)), steps_per_bin(record)
     impulses[:width * len(force):width, 0] = force
     return impulses
