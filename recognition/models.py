@@ -26,7 +26,7 @@ from common.input_error import raised_as, refuse_unreadable
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
-from recognition.estimation.method import Groups, Method, WithHeldOutError
+from recognition.estimation.method import Groups, Method
 from recognition.estimation.window import LEAST_RATIOS, Window
 from recognition.methods import METHODS
 from recognition.physics.arrangement_method import ArrangementLikelihood
@@ -139,7 +139,9 @@ class Model:
         """
         if not isinstance(signals, pd.DataFrame):
             raise RecordError(f"{source}: is of type {type(signals).__name__}; must be a table with t_s and signals")
-        table = self.window.cut(from_impact(signals), source)
+        values = _accelerations(signals)[1]
+        early = samples_before_impact(values) if len(values) and np.isfinite(values).all() else 0
+        table = self.window.cut(signals.iloc[early:].reset_index(drop=True) if early else signals, source)
         answers = self.answers_to(lambda name: self._features(name, table))
         if all(answer.reason.startswith(NOT_APPLICABLE) for answer in answers.values()):
             reasons = dict.fromkeys(answer.reason for answer in answers.values())
@@ -184,8 +186,8 @@ class Model:
     def best(self, answers: dict[str, Answer]) -> tuple[str, Answer] | None:
         """The answer with an interval whose method has the least error on what was held out of its training; None if
         there is none, or if a method vetoes."""
-        errors = {name: method.error_ for name, method in self.methods.items()
-                  if name in answers and answers[name].has_interval and isinstance(method, WithHeldOutError)}
+        errors: dict[str, float] = {name: method.error_ for name, method in self.methods.items()
+                                    if name in answers and answers[name].has_interval and hasattr(method, "error_")}
         name = min(errors, key=lambda name: errors[name], default=None)
         return None if name is None or self.vetoes(answers) else (name, answers[name])
 
@@ -233,13 +235,6 @@ def _accelerations(signals: pd.DataFrame) -> tuple[list[str], Floats]:
     """Names and values (s, n)."""
     names = [name for name in signals.columns if name.startswith(ACCELEROMETERS)]
     return names, signals[names].to_numpy(dtype=float).T
-
-
-def from_impact(signals: pd.DataFrame) -> pd.DataFrame:
-    """A record without the silence before the impact, as far as its accelerometers show it."""
-    _, values = _accelerations(signals)
-    early = samples_before_impact(values) if len(values) and np.isfinite(values).all() else 0
-    return signals.iloc[early:].reset_index(drop=True) if early else signals
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from lab.streams.known_streams import ALL, tapped, true_plate, true_ratio
 from lab.streams.listening import grouped
 from lab.study import Row
 from recognition.estimation.errors import RecognitionError
-from recognition.evaluation.dataset import DataSet, read_dataset
+from recognition.evaluation import DataSet, read_dataset
 from recognition.physics.force_records import ForceRecord, force_record_of
 from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import History, load_forces

@@ -30,12 +30,7 @@ class SensorNoise:
     """
 
     filter: Floats
-    change: float = 1.0
-
-    @classmethod
-    def white(cls, deviation: Floats) -> Self:
-        """Independent white noise of standard deviations (c,)."""
-        return cls(np.diag(1 / deviation)[None])
+    change: float
 
     @classmethod
     def of(cls, quiet: Floats, floor: float = 0.0) -> Self:

@@ -5,16 +5,8 @@ the training runs: the function space. A record is recognised so: each moment's 
 candidate is put into the functions of all other moments; differences above the available coefficient xi are singular
 points and left out; the candidate with the smallest mean difference is the answer.
 
-Where the paper is silent, these rules hold:
-- a moment whose fit stays below the limit of R^2, or at which all training runs agree,
-  has no function and is left out of the space;
-- no real root in [-0.05, 1.05]: the moment gives no candidate;
-- several roots: each is a candidate;
-- a candidate with fewer than `least_share` of usable points is no answer; if none is left,
-  `NotRecognised` is raised and nothing is guessed.
-
-The paper offers polynomials, exponentials, logarithms and powers as functions. Here each is a
-polynomial a0 + a1 beta + ..., of a given degree, or of the lowest that reaches R^2.
+Where the paper is silent, these rules hold: each real root in [-0.05, 1.05] of a moment is a candidate; one with fewer
+than `least_share` of usable points is no answer. Of the functions that the paper offers, these are polynomials.
 """
 
 from dataclasses import dataclass, field
@@ -172,13 +164,11 @@ class Strategy(Fitted):
         usable[np.arange(ratio.size), source] = False  # a moment agrees with its own root by construction
         count, others = usable.sum(axis=1), max(1, values.size - 1)
         allowed = (count > 0) & (count / others >= self.least_share)
-        score = self._score(difference, usable, others)
-        return Candidates(ratio, score, count / others, allowed, self.space_.moments[source])
-
-    def _score(self, difference: Floats, usable: Booleans, others: int) -> Floats:
         if self.judge == "truncated":
-            return np.minimum(difference, self.xi).sum(axis=1) / others
-        return np.where(usable, difference, 0.0).sum(axis=1) / np.maximum(usable.sum(axis=1), 1)
+            score = np.minimum(difference, self.xi).sum(axis=1) / others
+        else:
+            score = np.where(usable, difference, 0.0).sum(axis=1) / np.maximum(count, 1)
+        return Candidates(ratio, score, count / others, allowed, self.space_.moments[source])
 
 
 @dataclass(eq=False)

@@ -52,7 +52,7 @@ class ArrangementLikelihood:
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> PlateRecord:
         """The beginning of one record, and the forces of the stones where the run has them."""
-        names, values = channel_names(signals.columns, "plate"), channels_of(signals, "plate")
+        names, values = channel_names(signals.columns, rods=True), channels_of(signals, rods=True)
         rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), "record")
         least = 4 * used(0.0, rate_Hz)
         if values.shape[1] < least:
@@ -83,10 +83,7 @@ class ArrangementLikelihood:
         return other
 
     def answer(self, X: Sequence[PlateRecord]) -> list[Answer]:
-        @cache
-        def search() -> FallSearch:
-            return FallSearch.of(self.model_, LATEST_FALL_S)
-
+        search = cache(lambda: FallSearch.of(self.model_, LATEST_FALL_S))
         return [self._answer(x, search) for x in X]
 
     def _answer(self, x: PlateRecord, search: Callable[[], FallSearch]) -> Answer:

@@ -54,8 +54,8 @@ class FeatureRegression(RecordEstimator):
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
         """Features of the record and of its `noisy_copies`, shape (copies, p)."""
-        early = samples_before_impact(channels_of(signals, "accelerometers"))
-        every = [channels_of(one, "accelerometers") for one in noisy_copies(signals.iloc[early:])]
+        early = samples_before_impact(channels_of(signals))
+        every = [channels_of(one) for one in noisy_copies(signals.iloc[early:])]
         with raised_as(RecognitionError):
             return np.stack([sensor_features(self.features, one) for one in every])
 

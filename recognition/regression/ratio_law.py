@@ -103,7 +103,9 @@ class RatioLaw:
         spare = max(1, off.size - z.size)
         noise2 = max(0.0, float(off @ off - z @ z)) / spare
         weight = 1.0 / (self.variance + noise2)
-        theta = self._gauss_newton(z, weight, self._best_of_grid(z, weight))
+        grid, law = self._grid
+        start = grid[np.argmin((law**2) @ weight - 2 * (law @ (weight * z)))]
+        theta = self._gauss_newton(z, weight, start.copy())
         residual = z - basis(theta, self.powers) @ self.coefficients
         misfit = float(np.sum(weight * residual**2)) / len(z)
         outside = max(0.0, float(np.abs(theta).max() - 1) / 2)
@@ -116,10 +118,6 @@ class RatioLaw:
         axes = [np.linspace(-1 - 2 * MARGIN, 1 + 2 * MARGIN, n) for n in GRID[len(self.low)]]
         theta = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
         return theta, basis(theta, self.powers) @ self.coefficients
-
-    def _best_of_grid(self, z: Floats, weight: Floats) -> Floats:
-        theta, law = self._grid
-        return theta[np.argmin((law**2) @ weight - 2 * (law @ (weight * z)))].copy()
 
     def _gauss_newton(self, z: Floats, weight: Floats, theta: Floats) -> Floats:
         """theta in units of -1..1; steps are halved until the chi-square falls."""

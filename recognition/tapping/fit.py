@@ -69,21 +69,6 @@ class Prior(Table):
         return np.concatenate([coupling, np.repeat([self.damping, self.gain, self.place_m], structure.sizes[1:])])
 
 
-@dataclass(frozen=True)
-class Fitted:
-    """vector (size,): the most probable parameters; covariance (size, size): about them; residual, record, noise: for
-    each tap (s, n), transforms of what is left and of the record, and the power (s,) of noise; frequency_Hz (n,) of
-    each."""
-
-    structure: Structure
-    vector: Floats
-    covariance: Floats
-    residual: list[np.ndarray]
-    record: list[np.ndarray]
-    noise: list[Floats]
-    frequency_Hz: list[Floats]
-
-
 class Fit:
     """The cost of a state in one window, and its steps.
 
@@ -215,6 +200,16 @@ class Fit:
         return np.asarray(every[:self.shared, :self.shared], float)
 
 
+@dataclass(frozen=True)
+class Fitted:
+    """The fit in its last window, the most probable state, and the covariance (size, size) of the parameters about
+    it."""
+
+    fit: Fit
+    state: Floats
+    covariance: Floats
+
+
 def _times_s(tap: Tap) -> Floats:
     """(b,): of the hats from the onset, no earlier than the window begins; none where the force was measured."""
     if tap.force_N is not None:
@@ -266,9 +261,9 @@ def _by_trend(plate: PlateModel, fitted: Fitted, prior: Prior) -> PlateModel:
     greatest evidence (MacKay, Bayesian interpolation, Neural Computation 4, 1992). So modes that scatter at random
     leave the plate nearly as it is. With fewer than LEAST_MODES it is left so.
     """
-    part = fitted.structure.plate
+    part = fitted.fit.structure.plate
     own = np.arange(part.frequency_Hz.size)  # S of each mode with itself: the parameters begin with it
-    found_Hz = part.frequency_Hz * np.sqrt(np.maximum(1 + 2 * fitted.vector[own], 0.0))
+    found_Hz = part.frequency_Hz * np.sqrt(np.maximum(1 + 2 * fitted.state[own], 0.0))
     known = (np.sqrt(np.diag(fitted.covariance)[own]) < IDENTIFIED * prior.frequency) & (found_Hz > 0)
     known &= found_Hz < part.max_frequency_Hz / BEYOND
     if known.sum() < LEAST_MODES:
@@ -291,5 +286,4 @@ def _fitted(plate: PlateModel, taps: Sequence[Tap], prior: Prior) -> Fitted:
         state = fit.improved(fit.start() if state is None else state, rough=True, steps=STEPS)
     assert state is not None
     state = fit.improved(state, rough=False, steps=LAST_STEPS)
-    return Fitted(structure, state[:fit.shared], fit.covariance(state), fit.residuals(state),
-                  [one.acceleration for one in fit.spectra], fit.noise, [one.frequency_Hz for one in fit.spectra])
+    return Fitted(fit, state, fit.covariance(state))

@@ -91,7 +91,7 @@ class Spectra:
     force: np.ndarray | None
     independent: float
 
-    @property
+    @cached_property
     def frequency_Hz(self) -> Floats:
         return np.asarray(self.s.imag / (2 * np.pi), float)
 

@@ -7,16 +7,18 @@ import pytest
 from lab.recognition.baselines import EVALUATED
 from recognition import RecognitionError
 from recognition.estimation.noise import with_noise
-from recognition.evaluation.cross_validation import (
+from recognition.evaluation import (
     CASES,
     ONE_THING,
     Case,
+    DataSet,
     Evaluation,
+    _kin,
     evaluate,
+    read_dataset,
     summary,
     write_evaluation,
 )
-from recognition.evaluation.dataset import DataSet, _kin, read_dataset
 from tests.analysis import synthetic
 
 FAMILIES = {"paper": (1, 11), "clean": (44, 1), "damping": (12, 1), "speed": (12, 1), "stones": (12, 1), "natural": (4, 11),

@@ -10,7 +10,7 @@ import pytest
 from analysis import read_run
 from plate_fem.modes import plate_modes
 from recognition.estimation.errors import RecognitionError
-from recognition.evaluation.dataset import read_dataset
+from recognition.evaluation import read_dataset
 from recognition.physics.arrangement_fit import alike
 from recognition.physics.arrangement_method import LATEST_FALL_S, ArrangementLikelihood, PlateRecord
 from recognition.physics.falls import FallSearch
