@@ -71,7 +71,11 @@ class Rule:
     def fit(self, curves: Floats, ratios: Floats) -> FunctionSpace:
         """curves: shape (n, K); ratios: shape (n,). RecognitionError if no moment has a function."""
         curves, ratios = training(curves, ratios, 2)
-        low, high = self._degrees(np.unique(ratios).size)
+        low, wanted = (1, self.max_degree) if self.degree is None else (self.degree, self.degree)
+        different = np.unique(ratios).size
+        high = min(wanted, different - 2)  # one ratio more than coefficients, else R^2 = 1 says nothing
+        if high < low:
+            raise RecognitionError(f"{different} mixing ratios; this rule needs at least {low + 2}")
         moments = np.flatnonzero(np.ptp(curves, axis=0) >= FLAT)
         parameters, found = np.zeros((moments.size, high + 1)), np.zeros(moments.size, dtype=bool)
         for degree in range(low, high + 1):
@@ -83,14 +87,6 @@ class Rule:
             raise RecognitionError(f"no moment has a polynomial fit with R^2 >= {self.min_r2:g}")
         used = np.flatnonzero(parameters[found].any(axis=0)).max() + 1
         return FunctionSpace(curves.shape[1], moments[found], parameters[found, :used])
-
-    def _degrees(self, ratios: int) -> tuple[int, int]:
-        """The lowest and the highest that are tried. One ratio more than coefficients, else R^2 = 1 says nothing."""
-        low, wanted = (1, self.max_degree) if self.degree is None else (self.degree, self.degree)
-        high = min(wanted, ratios - 2)
-        if high < low:
-            raise RecognitionError(f"{ratios} mixing ratios; this rule needs at least {low + 2}")
-        return low, high
 
 
 @dataclass(frozen=True)

@@ -58,17 +58,12 @@ def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> Channe
         raise RecognitionError(f"signals of shape {signals.shape}; needs {len(plate.sensor_names)} channels")
     if not np.isfinite(signals).all():
         raise RecognitionError("a sample is not finite")
-    names = plate.sensor_names
-    refused = channel_faults(signals, names)
-    onset = _onset(signals)
+    names, onset = plate.sensor_names, _onset(signals)
     bends = plate.rms_shape > BENDS * plate.rms_shape.max()
     hum = hum_of(signals, rate_Hz, onset * 4 // 5, float(plate.frequency_Hz[bends][0]))
-    peak = abs(signals).max(axis=1)
-    told = _told_of_hum(hum, peak, names)
+    told, refused = _told_of_hum(hum, abs(signals).max(axis=1), names), channel_faults(signals, names)
     clean = signals - hum.sum if told else signals
-    if refused:
-        return ChannelReport(clean, hum, None, tuple(told), tuple(refused))
-    ringing = _ringing(clean, rate_Hz, plate, onset)
+    ringing = None if refused else _ringing(clean, rate_Hz, plate, onset)
     if ringing is not None:
         more_told, more_refused = _judged(ringing, names)
         told, refused = told + more_told, refused + more_refused
@@ -230,7 +225,5 @@ def check(record: str, plate: str, scale: float = 1.0, unit: str | None = None) 
     known = PlateModel.load(Path(plate))
     _, signals, rate_Hz = read_accelerations(record, known, scale, unit)
     found = check_channels(signals, rate_Hz, known)
-    ringing = found.ringing
-    if ringing is None:
-        return CheckResult(found.told, found.refused)
-    return CheckResult(found.told, found.refused, ringing.misfit, ringing.expected)
+    misfits = () if found.ringing is None else (found.ringing.misfit, found.ringing.expected)
+    return CheckResult(found.told, found.refused, *misfits)

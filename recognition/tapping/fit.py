@@ -21,16 +21,7 @@ from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.plate.plate_model import PlateModel
 from recognition.tapping.structure import Structure
-from recognition.tapping.taps import (
-    LEAST_PERIODS,
-    Tap,
-    band_power,
-    check_band,
-    check_taps,
-    noise_power,
-    samples_of,
-    spectra,
-)
+from recognition.tapping.taps import LEAST_PERIODS, Tap, band_power, check_taps, samples_of, spectra
 
 HAT_S = 5e-5  # distance of the hats
 LASTS_S = 1.5e-3  # at most, a tap
@@ -82,7 +73,6 @@ class Fit:
         highest_Hz = structure.plate.max_frequency_Hz / BEYOND
         samples = samples_of(taps, LEAD_S)
         self.spectra = [spectra(tap, alpha, highest_Hz, LEAD_S, samples) for tap in taps]
-        self.noise = [noise_power(tap, alpha, LEAD_S, samples) for tap in taps]
         self.shapes = [structure.plate.shape(*tap.place_m[:, None]) for tap in taps]
         self.slopes = [structure.slopes(tap.place_m[None])[0] for tap in taps]
         self.hats = [_hats(found.s, _times_s(tap)) for found, tap in zip(self.spectra, taps, strict=True)]
@@ -133,11 +123,11 @@ class Fit:
     def weights(self, state: Floats, rough: bool) -> list[Floats]:
         """One over the power of errors (s, n) of each tap, for a complex normal distribution."""
         weights = []
-        for found, noise, left in zip(self.spectra, self.noise, self.residuals(state), strict=True):
+        for found, left in zip(self.spectra, self.residuals(state), strict=True):
             power = band_power(found.acceleration, found.frequency_Hz)
             least = LEAST_ERROR**2 * power
             error = ROUGH**2 * power if rough else np.maximum(band_power(left, found.frequency_Hz), least)
-            weights.append(found.independent / (error + (noise[:, None] if rough else 0.0)))
+            weights.append(found.independent / (error + (found.noise[:, None] if rough else 0.0)))
         return weights
 
     def cost(self, state: Floats, weights: list[Floats]) -> float:
@@ -231,8 +221,7 @@ def _real(columns: np.ndarray, values: np.ndarray, root: Floats) -> tuple[Floats
 
 def fit_plate(plate: PlateModel, taps: Sequence[Tap], prior: Prior | None = None) -> Fitted:
     """The most probable plate about a starting one. Raises RecognitionError for taps that do not fit each other."""
-    check_taps(taps, len(plate.sensor_names))
-    check_band(taps, plate.max_frequency_Hz / BEYOND, plate.frequency_Hz.size, LEAD_S)
+    check_taps(taps, len(plate.sensor_names), plate.max_frequency_Hz / BEYOND, plate.frequency_Hz.size, LEAD_S)
     taps = [replace(tap, rate_Hz=taps[0].rate_Hz) for tap in taps]  # rounding of times would give other frequencies
     prior, start = prior or Prior(), plate
     try:

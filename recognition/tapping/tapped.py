@@ -124,7 +124,7 @@ def _misfit(fit: Fit, left: list[np.ndarray]) -> tuple[Floats, Floats]:
     """(s,) each: rms of what is left of each tap (s, n), and of the noise, in shares of the records."""
     record, unfitted = (sum(np.sum(abs(one) ** 2, axis=1) for one in every)
                         for every in ((found.acceleration for found in fit.spectra), left))
-    noise = sum(power * one.s.size for power, one in zip(fit.noise, fit.spectra, strict=True))
+    noise = sum(one.noise * one.s.size for one in fit.spectra)
     return np.sqrt(unfitted / record), np.sqrt(noise / record)
 
 
@@ -133,10 +133,10 @@ def _unexplained(fit: Fit, left: list[np.ndarray], frequency_Hz: Floats) -> Floa
     shares = []
     for f in frequency_Hz:
         unexplained = record = 0.0
-        for r, found, noise in zip(left, fit.spectra, fit.noise, strict=True):
+        for r, found in zip(left, fit.spectra, strict=True):
             bins = found.frequency_Hz
             near = abs(bins - min(f, bins[-1])) <= max(BAND * f, 2 * (bins[1] - bins[0]))
-            unexplained += max(float(np.sum(abs(r[:, near]) ** 2) - np.sum(noise) * near.sum()), 0.0)
+            unexplained += max(float(np.sum(abs(r[:, near]) ** 2) - np.sum(found.noise) * near.sum()), 0.0)
             record += float(np.sum(abs(found.acceleration[:, near]) ** 2))
         shares.append(unexplained / record if record > 0 else 1.0)
     return np.array(shares)

@@ -69,26 +69,16 @@ class Tap:
         return self.acceleration.shape[1] / self.rate_Hz
 
 
-def check_taps(taps: Sequence[Tap], sensors: int) -> None:
-    """Raises RecognitionError for taps that cannot be fitted together."""
-    if not taps:
-        raise RecognitionError("no taps; needs at least one")
-    first = taps[0]
-    for tap in taps:
-        if tap.acceleration.shape[0] != sensors:
-            raise RecognitionError(f"{tap.name}: {tap.acceleration.shape[0]} accelerometers; the plate has {sensors}")
-        if not np.isclose(tap.rate_Hz, first.rate_Hz, rtol=1e-6):
-            raise RecognitionError(f"{tap.name}: {tap.rate_Hz:g} Hz; needs {first.rate_Hz:g} as {first.name}")
-
-
 @dataclass(frozen=True)
 class Spectra:
     """s (n,): points of the Laplace plane, 1/s; acceleration (s, n), force (n,) or None: transforms of a tap, whose
-    onset is the origin of time; independent: share of the bins that are independent of each other in noise."""
+    onset is the origin of time; noise (s,): expected |transform|^2 of the sensors' noise; independent: share of the
+    bins that are independent of each other in noise."""
 
     s: np.ndarray
     acceleration: np.ndarray
     force: np.ndarray | None
+    noise: Floats
     independent: float
 
     @cached_property
@@ -101,9 +91,17 @@ def samples_of(taps: Sequence[Tap], lead_s: float) -> int:
     return min(tap.acceleration.shape[1] - _start(tap, lead_s) for tap in taps)
 
 
-def check_band(taps: Sequence[Tap], highest_Hz: float, modes: int, lead_s: float) -> None:
-    """Raises RecognitionError for records that do not hold the frequencies of a fit of `modes`
-    modes, or are too long for it."""
+def check_taps(taps: Sequence[Tap], sensors: int, highest_Hz: float, modes: int, lead_s: float) -> None:
+    """Raises RecognitionError for taps that cannot be fitted together, that do not hold the frequencies of a fit of
+    `modes` modes, or are too long for it."""
+    if not taps:
+        raise RecognitionError("no taps; needs at least one")
+    first = taps[0]
+    for tap in taps:
+        if tap.acceleration.shape[0] != sensors:
+            raise RecognitionError(f"{tap.name}: {tap.acceleration.shape[0]} accelerometers; the plate has {sensors}")
+        if not np.isclose(tap.rate_Hz, first.rate_Hz, rtol=1e-6):
+            raise RecognitionError(f"{tap.name}: {tap.rate_Hz:g} Hz; needs {first.rate_Hz:g} as {first.name}")
     for tap in taps:
         after_s, most_s = samples_of([tap], lead_s) / tap.rate_Hz, MOST_ELEMENTS / modes**2 / highest_Hz
         if tap.rate_Hz < 2 * highest_Hz:
@@ -137,13 +135,8 @@ def spectra(tap: Tap, alpha: float, highest_Hz: float, lead_s: float, samples: i
     lags = np.arange(-1000, 1001) * step
     correlation = 1 / (1 + (np.pi * lags / (alpha * duration_s)) ** 2)  # squared, of two bins so far apart
     force = None if tap.force_N is None else transform(tap.force_N)
-    return Spectra(s, transform(tap.acceleration), force, 1 / float(correlation.sum()))
-
-
-def noise_power(tap: Tap, alpha: float, lead_s: float, samples: int) -> Floats:
-    """(s,): expected |transform|^2 of the sensors' noise under the window."""
-    t_s = (np.arange(samples) + _start(tap, lead_s) - tap.onset) / tap.rate_Hz
-    return np.asarray(tap.noise**2 * np.sum(np.exp(-2 * alpha * t_s)) / tap.rate_Hz**2, float)
+    noise = np.asarray(tap.noise**2 * np.sum(np.exp(-2 * alpha * t_s)) / tap.rate_Hz**2, float)
+    return Spectra(s, transform(tap.acceleration), force, noise, 1 / float(correlation.sum()))
 
 
 def _start(tap: Tap, lead_s: float) -> int:
