@@ -187,8 +187,7 @@ class Evaluation:
         return [self._features[name, noise_db, int(number)] for number in numbers]
 
     def run(self, case: Case, name: str, entry: MethodEntry, noises_db: Noises = NOISES_DB) -> list[Result]:
-        """A result for each noise; where the runs, their signals or the method do not allow it, with the reason and no
-        answers."""
+        """A result for each noise; a reason and no answers where runs, signals or method do not allow it."""
         rows: dict[float | None, list[pd.DataFrame]] = {noise_db: [] for noise_db in noises_db}
         nuisance = self.data.table[list(case.nuisance)] if case.nuisance else None
         groups = self.data.table["kin"].to_numpy()

@@ -184,8 +184,7 @@ class Model:
         return found if not seeks or any(name in found for name in seeks) else {}
 
     def best(self, answers: dict[str, Answer]) -> tuple[str, Answer] | None:
-        """The answer with an interval whose method has the least error on what was held out of its training; None if
-        there is none, or if a method vetoes."""
+        """The answer with an interval whose method has the least held-out error; None if there is none, or a veto."""
         errors: dict[str, float] = {name: method.error_ for name, method in self.methods.items()
                                     if name in answers and answers[name].has_interval and hasattr(method, "error_")}
         name = min(errors, key=lambda name: errors[name], default=None)
@@ -262,8 +261,7 @@ class PreparedRuns:
 
     def fit(self, chosen: Sequence[int] | np.ndarray[Any, Any], groups: Groups | None = None,
             conditions: pd.DataFrame | None = None) -> Model:
-        """A model of the chosen runs; groups and conditions of these. Raises RecognitionError where no method can be
-        used."""
+        """A model of the chosen runs; groups and conditions of these. RecognitionError where no method can be used."""
         runs = [self.runs[k] for k in chosen]
         ratios = np.array([run.gangue_ratio for run in runs])
         if (different := np.unique(ratios).size) < LEAST_RATIOS:

@@ -59,9 +59,8 @@ class Answer:
 
 
 def answers_within(width: float, ratio_of: Callable[[Floats], float], X: Sequence[Floats] | Floats) -> list[Answer]:
-    """The ratio of each record, whose features are followed by those of its `noisy_copies`, with an interval of so much
-    to either side and of what the copies change in the ratio, all of it where they have none; no answer where
-    `ratio_of` the record raises NotRecognised."""
+    """The ratio of each record, whose features are followed by those of its `noisy_copies`, within `width` to either
+    side and what the copies change, 1 where they have no ratio; no answer where `ratio_of` raises NotRecognised."""
     def answer(x: Floats) -> Answer:
         try:
             ratio = ratio_of(x[0])

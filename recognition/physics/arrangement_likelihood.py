@@ -186,9 +186,8 @@ class ArrangementModel:
 
     def estimate(self, signals: Floats, noise: Floats, speed_m_s: float | None = None,
                  arrival_s: float | None = None, channels: Integers | None = None) -> ArrangementEstimate:
-        """Of one record: signals (m, samples), standard deviation of each sensor's noise (m,), the impact speed and the
-        time of the impact, from the record's beginning, where they are known, and which channels of the model the m
-        are."""
+        """Of one record: signals (m, samples), standard deviation of each sensor's noise (m,), speed and time of the
+        impact, from the record's beginning, where they are known, and which channels of the model the m are."""
         rows = np.arange(len(self.scale)) if channels is None else np.asarray(channels)
         x, noise = signals / self.scale[rows, None], noise / self.scale[rows]
         speeds = self._speeds_m_s() if speed_m_s is None else np.array([speed_m_s])
@@ -214,8 +213,7 @@ class ArrangementModel:
                                    -float(shifts[best]) * self.step_s)
 
     def _arrivals(self, least: Callable[[float], float]) -> Floats:
-        """Shifts about the most probable one, which is sought first in wide steps, then in narrower ones about the best
-        of these."""
+        """Shifts about the most probable one, which is sought in wide steps, then in narrower ones about the best."""
         latest = float(self.latest)
         coarse = sorted(np.arange(-latest, latest + 1, COARSE).tolist(), key=least)[:SOUGHT]
         near = {shift + k for shift in coarse for k in range(-COARSE // 2, COARSE // 2 + 1) if abs(shift + k) <= latest}

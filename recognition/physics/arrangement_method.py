@@ -63,8 +63,7 @@ class ArrangementLikelihood:
     def fit(self, X: Sequence[PlateRecord], y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> Self:
         """Train on the runs that have force records, stones that fall at once, and the places that most have. The
-        conditions are those of the force records. RecognitionError where these runs, or the different stones in them,
-        are too few."""
+        conditions are those of the force records. RecognitionError for too few of these or of their stones."""
         keys = np.asarray(y if groups is None else groups)
         self.model_ = fit_model(X, keys)
         self.expected_, self.limits_, self.error_ = distance_reference(X, np.asarray(y), keys)

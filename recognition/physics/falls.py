@@ -175,8 +175,7 @@ class _Fit:
         return min(found, key=lambda one: one[1])
 
     def one_more(self, stones: Floats) -> Floats:
-        """(TRIED, numbers): stones with the mean force, of any size, that explain most of what is left, no two near
-        each other."""
+        """(TRIED, numbers): stones with the mean force, of any size, that explain most of what is left, none near."""
         left, slopes = self._of(stones)
         known = np.linalg.qr(slopes)[0]
         left = left - known @ (known.T @ left)
@@ -192,8 +191,7 @@ class _Fit:
         return np.pad(found, ((0, 0), (0, self.search.motion.shape[1] - 1)))
 
     def fitted(self, stones: Floats) -> tuple[Floats, float]:
-        """The stones after a fit of all their numbers, and the mean square of what they leave, of one where it is
-        noise."""
+        """The stones after a fit of all numbers, and the mean square of what they leave, 1 where it is noise."""
         numbers, count = stones.shape[1], len(stones)
         coefficients = np.tile(np.arange(numbers) >= FIRST, count)
         kept: dict[bytes, tuple[Floats, Floats]] = {}

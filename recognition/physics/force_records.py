@@ -1,5 +1,4 @@
-"""What a simulated run shows besides its record: the force of each stone on the plate, and what the plate's model makes
-of it."""
+"""What a simulated run shows besides its record: the force of each stone, and what the plate's model makes of it."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -65,8 +64,7 @@ class ForceRecord:
 
     @cached_property
     def modelled(self) -> Floats:
-        """What the plate's model makes of these forces, shape (channels, steps): accelerometers, then rods, each by
-        name."""
+        """What the plate's model makes of these forces (channels, steps): accelerometers, then rods, by name."""
         unit = unit_force_response(*self.excitation(self.plate.damping_ratio, self.touch_m - self.fall.place_m))
         return response_to(unit, self.force_N.T).sum(axis=2)
 
@@ -136,8 +134,7 @@ def response_to(unit_response: Floats, force_N: Floats) -> Floats:
 
 @lru_cache(maxsize=16)
 def pulse_force_response(pulse_N: tuple[float, ...], excitation: Excitation) -> Floats:
-    """`unit_force_response` to a force of pulse_N during the first steps, which is kept: the models of all folds take
-    it."""
+    """`unit_force_response` to a force of pulse_N in the first steps, kept for the models of all folds."""
     unit = unit_force_response(*excitation)
     force_N = np.zeros((unit.shape[1], 1))
     force_N[:len(pulse_N), 0] = pulse_N

@@ -55,8 +55,7 @@ class Seen:
         return np.where(self.is_rod[:, None, None], amplitude.T, acceleration.T)
 
     def down(self, place_m: Floats, slope: tuple[int, int] = (0, 0)) -> Floats:
-        """(stones, n): a mode's share of a force downwards at each place, or its derivative of these orders by x and y,
-        per metre."""
+        """(stones, n): a mode's share of a force downwards at each place, or its derivative of these orders, 1/m."""
         return -self.plate.shape(place_m[:, 0], place_m[:, 1], slope)
 
     def hat(self) -> Floats:

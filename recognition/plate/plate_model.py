@@ -188,8 +188,7 @@ def _lines(side_m: float, wavenumber_1_m: float) -> Floats:
 def modal_steps(plate: PlateModel, force: Floats, sample_rate_Hz: float) -> tuple[Floats, Floats, Floats]:
     """Amplitude, rate and acceleration (m, t) under modal forces (m, t), N kg^-1/2, from rest.
 
-    Force k lasts from k to k + 1 sample intervals; results k belong to k intervals. Where the force jumps the
-    acceleration is the mean of both sides.
+    Force k lasts from k to k + 1 sample intervals; results k belong to k intervals, where a jump counts half.
     """
     amplitude, rate = np.empty_like(force), np.empty_like(force)
     omega = 2 * np.pi * plate.frequency_Hz

@@ -143,8 +143,7 @@ def _process(z: Floats, y: Floats) -> GaussianProcessRegressor:
 
 def fit_process(features: Floats, y: Floats, conditions: Floats | None = None,
                 groups: Floats | None = None) -> ProcessModel:
-    """Of features (runs, p) of records of ratio y (runs,); conditions, groups: of the law, as in `fit_law`, which
-    raises RecognitionError."""
+    """Of features (runs, p) of records of ratio y (runs,); conditions, groups: as in `fit_law`. RecognitionError."""
     mean, scale = features.mean(axis=0), features.std(axis=0)
     if not scale.all():
         raise RecognitionError(f"feature {int(scale.argmin())} has the same value in all {len(y)} training records")

@@ -78,8 +78,7 @@ class RatioLaw:
     """A fitted law; d = channels x samples, k components, q variables of theta, p monomials.
 
     scale (channels,): rms of each channel in training; mean (d,), components (k, d): of records in shares of scale;
-    powers (p, q), coefficients (p, k): of m; variance (k,): of e; low, high (q,): range of theta in training, the ratio
-    first.
+    powers (p, q), coefficients (p, k): of m; variance (k,): of e; low, high (q,): of theta in training, ratio first.
     """
 
     scale: Floats
@@ -144,8 +143,7 @@ def fit_law(X: Floats, y: Floats, nuisance: Floats | None = None, groups: Floats
     """Law of records X (runs, channels, samples) of ratio y (runs,).
 
     nuisance (runs, q - 1): conditions; groups (runs,): runs that are held out together, each ratio by itself if None;
-    components: most that are kept; degree: of the polynomials. RecognitionError for fewer runs than these have
-    coefficients.
+    components: most that are kept; degree: of the polynomials. RecognitionError for too few runs.
     """
     theta = y[:, None] if nuisance is None else np.column_stack([y, nuisance])
     low, high = theta.min(axis=0), theta.max(axis=0)

@@ -1,6 +1,5 @@
-"""The command `tap`: the file that says which records are taps, the plate that is learnt from them, how sure each
-mode is, and the error that is left; and its modes for programs of modal analysis as a universal file, by pyuff (extra
-`records`).
+"""The command `tap`: the file that says which records are taps, the plate that is learnt from them, how sure each mode
+is, and the error that is left; and its modes as a universal file, by pyuff (extra `records`).
 """
 
 from collections.abc import Iterator, Mapping
@@ -54,8 +53,7 @@ class Learnt:
 
 def learnt(fitted: Fitted, prior: Prior | None = None) -> Learnt:
     """The plate of a fit. What the fit leaves unexplained about the frequency of a mode counts as error of its shape,
-    half the power each for sensor and place. Raises RecognitionError where a mode may have lost its stiffness, or does
-    not ring."""
+    half the power each for sensor and place. RecognitionError where a mode may have no stiffness, or does not ring."""
     fit, structure, vector = fitted.fit, fitted.fit.structure, fitted.state[:fitted.fit.shared]
     parameters, left = structure.parameters(vector), fit.residuals(fitted.state)
     frequency, damping, turn = _modes(structure, parameters)

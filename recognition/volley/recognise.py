@@ -138,8 +138,7 @@ class Found:
 
     @property
     def outside(self) -> float:
-        """Probability that the total impulse is beyond those of all stones that are told, by half a stone at least, if
-        any were as likely."""
+        """Probability that the total impulse is beyond those of all stones that are told, by half a stone at least."""
         told, every = Hypotheses.of(self.stones, self.forces), self.likelihood
         total = np.exp(np.linspace(every.log_total[0], every.log_total[-1], TOTALS))
         number = np.exp(every.log_number.mean())
