@@ -169,10 +169,8 @@ class Strategy(Fitted):
 
 @dataclass(eq=False)
 class FusionPipeline(RecordEstimator):
-    """A fusion of plate responses and the strategy on its curve, as in Figure 38; a method of recognition.
-
-    fusion: which responses, and the filter; strategy: function space and judge; neither is fitted yet. X has the shape
-    (runs, copies, m, n): `prepare` of each run's signals.
+    """A fusion of plate responses and the strategy on its curve (Figure 38). X: `prepare` of each run (runs, copies, m,
+    n).
 
     >>> sweep = read_sweep("runs/paper")
     >>> pipeline = FusionPipeline(Fusion("energy"), Strategy(Rule(degree=2), judge="truncated"))

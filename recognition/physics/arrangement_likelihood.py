@@ -7,11 +7,10 @@ The plate is linear, so a record x is the sum of the plate's responses to the fo
 G_i is the response to a unit force on place i (plate_fem/motion.py); u_i and a_i are normally distributed, by the law
 of the stone's material (recognition.physics.force_law). e is what the law leaves of the forces, the residual of the
 plate's model on simulated records, and the noise of the sensors. Ten stones have 1024 arrangements. The likelihood of
-each is an integral over all u_i and a_i, found by Laplace's method: the integrand is a normal density about its
-largest value (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapter 27), which Gauss and
-Newton's steps seek. The sum over all arrangements of one ratio gives the probability of that ratio, all ratios being
-equally likely beforehand. An impact speed that varied in training is summed over; a damping that varied adds to the
-covariance of e. So is the moment of the impact, which a trigger does not tell to some microseconds.
+each is an integral over all u_i and a_i, found by Laplace's method (recognition.physics.near_record). The sum over all
+arrangements of one ratio gives the probability of that ratio, all ratios being equally likely beforehand. An impact
+speed that varied in training is summed over, as is the moment of the impact, which a trigger does not tell to some
+microseconds; a damping that varied adds to the covariance of e.
 
 Two neighbours that swap their materials give nearly the same record: the bending wave with a hill on one place and a
 valley on the next has over 10 kHz, and the spectrum of a stone's force ends at about 4 kHz. Arrangements with nearly

@@ -40,9 +40,8 @@ LOST = 1e-6  # of the power of all that scatters, that is left out
 
 @dataclass
 class ArrangementLikelihood:
-    """Recognition by the likelihood of every arrangement of stones on known places
-    (`recognition.estimation.method`). exact_trigger: records begin as those of the simulation, with all stones just
-    above the plate; otherwise the moment of the impact is sought."""
+    """Recognition by the likelihood of every arrangement of stones on known places. exact_trigger: records begin as
+    those of the simulation, with all stones just above the plate; otherwise the moment of the impact is sought."""
 
     exact_trigger: bool = False
     model_: ArrangementModel = field(init=False, repr=False)

@@ -175,7 +175,7 @@ class _Fit:
         return min(found, key=lambda one: one[1])
 
     def one_more(self, stones: Floats) -> Floats:
-        """(TRIED, numbers): stones with the mean force, of any size, that explain most of what is left, none near."""
+        """(TRIED, numbers): stones with the mean force, of any size, that explain most of what is left, far apart."""
         left, slopes = self._of(stones)
         known = np.linalg.qr(slopes)[0]
         left = left - known @ (known.T @ left)
