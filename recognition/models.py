@@ -197,8 +197,9 @@ class Model:
             try:
                 answers[name] = _answer(method, features(name))
             except RecognitionError as reason:
-                answers[name] = Answer.none(f"{NOT_APPLICABLE}: {reason}")
-        return answers | {name: Answer.none(f"{NOT_APPLICABLE}: {reason}") for name, reason in self.left_out.items()}
+                answers[name] = Answer(math.nan, reason=f"{NOT_APPLICABLE}: {reason}")
+        return answers | {name: Answer(math.nan, reason=f"{NOT_APPLICABLE}: {reason}")
+                          for name, reason in self.left_out.items()}
 
     def save(self, path: str | Path) -> None:
         """Write the model, whole or not at all."""

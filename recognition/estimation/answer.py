@@ -31,11 +31,6 @@ class Answer:
     reason: str = ""
 
     @classmethod
-    def none(cls, reason: str) -> Self:
-        """No ratio, and why."""
-        return cls(nan, reason=reason)
-
-    @classmethod
     def between(cls, low: float, ratio: float, high: float) -> Self:
         """A ratio between the ends of its interval."""
         return cls(ratio, low, high)
@@ -65,7 +60,7 @@ def answers_within(width: float, ratio_of: Callable[[Floats], float], X: Sequenc
         try:
             ratio = ratio_of(x[0])
         except NotRecognised as reason:
-            return Answer.none(f"no answer: {reason}")
+            return Answer(nan, reason=f"no answer: {reason}")
         reach = hypot(width, NINE_IN_TEN * sqrt(sum(change(copy, ratio)**2 for copy in x[1:]) / max(1, len(x) - 1)))
         return Answer(ratio, ratio - reach, ratio + reach)
 
