@@ -21,8 +21,8 @@ from common.scene.plate import FlexiblePlate
 from recognition.estimation.arrays import Floats, Integers
 from recognition.physics.arrangement_likelihood import LATEST_S, ArrangementModel
 from recognition.physics.force_records import Fall
-from recognition.physics.seen import SLOPES, Seen
-from recognition.plate.plate_model import PlateModel, modal_steps
+from recognition.physics.seen import Seen
+from recognition.plate.plate_model import SLOPES, PlateModel, modal_steps
 
 COMPONENTS, WIDEST = 8, 4.0  # of what scatters; standard deviations that a coefficient has at most
 GRID_M, GRID_S = 0.02, 4e-5  # on which a stone is put first

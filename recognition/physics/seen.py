@@ -10,9 +10,7 @@ from common.channels import rod_column, sensor_column
 from recognition.estimation.arrays import Booleans, Floats
 from recognition.physics.arrangement_likelihood import ArrangementModel
 from recognition.physics.force_law import hats
-from recognition.plate.plate_model import PlateModel, modal_steps
-
-SLOPES = ((1, 0), (0, 1))  # derivatives by x and by y
+from recognition.plate.plate_model import SLOPES, PlateModel, modal_steps
 
 
 def columns_of(plate: PlateModel) -> dict[str, tuple[Floats, bool]]:

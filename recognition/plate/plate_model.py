@@ -24,6 +24,7 @@ from recognition.estimation.errors import RecognitionError
 
 LINES_PER_WAVELENGTH = 20  # of the grid of shapes; its cubic splines then err by at most 1e-3 of the largest shape
 FORMAT = "plate model 1"
+SLOPES = ((1, 0), (0, 1))  # of `PlateModel.shape`: by x and by y
 WITHOUT_SIGN = ("frequency_Hz", "damping_ratio", "frequency_sd", "damping_sd", "shape_sd")
 
 

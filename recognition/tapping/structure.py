@@ -16,10 +16,9 @@ from functools import cached_property
 import numpy as np
 
 from recognition.estimation.arrays import Floats, Integers
-from recognition.plate.plate_model import PlateModel
+from recognition.plate.plate_model import SLOPES, PlateModel
 
 COUPLED = 0.15  # modes mix whose frequencies differ by less than this share
-STEP_M = 5e-4  # of the slope of a shape
 
 
 @dataclass(frozen=True)
@@ -61,16 +60,7 @@ class Structure:
 
     def slopes(self, points_m: Floats) -> Floats:
         """(k, 2, m): slopes of the shapes along x and y at points (k, 2)."""
-        limits = np.array([[lines[0], lines[-1]] for lines in (self.plate.lines_x_m, self.plate.lines_y_m)])
-        slopes = []
-        for axis in range(2):
-            ends = []
-            for side in (-1, 1):
-                moved = points_m.copy()
-                moved[:, axis] = np.clip(moved[:, axis] + side * STEP_M, *limits[axis])
-                ends.append((self.plate.shape(*moved.T), moved[:, axis]))
-            slopes.append((ends[1][0] - ends[0][0]) / (ends[1][1] - ends[0][1])[:, None])
-        return np.stack(slopes, axis=1)
+        return np.stack([self.plate.shape(*points_m.T, slope) for slope in SLOPES], axis=1)
 
     @cached_property
     def sensor_slopes(self) -> Floats:
