@@ -267,7 +267,7 @@ def _by_trend(plate: PlateModel, fitted: Fitted, prior: Prior) -> PlateModel:
 
 def _fitted(plate: PlateModel, taps: Sequence[Tap], prior: Prior) -> Fitted:
     """The fit about one starting plate. LinAlgError where rounding errors hide the records."""
-    structure, last = Structure(plate), LAST_DECAY / min(tap.duration_s for tap in taps)
+    structure, last = Structure(plate), LAST_DECAY / min(tap.acceleration.shape[1] / tap.rate_Hz for tap in taps)
     stages = [alpha for alpha in STAGES_1_s if alpha > 1.5 * last] + [last]
     state: Floats | None = None
     for alpha in stages:

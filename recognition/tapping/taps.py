@@ -64,10 +64,6 @@ class Tap:
         silence = self.acceleration[:, : self.onset * 4 // 5]
         return silence.std(axis=1) if silence.shape[1] >= LEAST_SILENCE else np.zeros(len(self.acceleration))
 
-    @property
-    def duration_s(self) -> float:
-        return self.acceleration.shape[1] / self.rate_Hz
-
 
 @dataclass(frozen=True)
 class Spectra:
