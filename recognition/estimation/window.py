@@ -58,8 +58,7 @@ class Window:
 
 
 def channel_names(columns: Iterable[str], rods: bool = False) -> list[str]:
-    """Columns of accelerometers, in alphabetic order, and then of what rods there are. RecognitionError for no
-    accelerometer."""
+    """Columns of accelerometers, sorted, and then of what rods there are. RecognitionError for no accelerometer."""
     every = sorted(columns)
     accelerometers = [name for name in every if name.startswith(ACCELEROMETERS)]
     if not accelerometers:

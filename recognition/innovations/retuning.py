@@ -6,8 +6,7 @@ expected spectrum of the channels is then a sum over the modes,
     S(f) = g(f) sum_j a_j(f) c_j c_j' + noise,    a_j = f^4/((f_j^2 - f^2)^2 + 4 zeta_j^2 f_j^2 f^2),
 
 with c_j the shape of mode j at the sensors and g the smooth spectrum of the forces. Frequencies, damping ratios and g
-maximise Whittle's likelihood of the record's spectrum times the prior of the plate model. The noise is that of the
-quiet beginning.
+maximise Whittle's likelihood of the record's spectrum times the prior of the plate model. Noise: coloured_noise.py.
 """
 
 from dataclasses import dataclass, replace

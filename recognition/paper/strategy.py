@@ -169,8 +169,7 @@ class Strategy(Fitted):
 
 @dataclass(eq=False)
 class FusionPipeline(RecordEstimator):
-    """A fusion of plate responses and the strategy on its curve (Figure 38). X: `prepare` of each run (runs, copies, m,
-    n).
+    """A fusion of plate responses and the strategy on its curve (Figure 38). X, of `prepare`: (runs, copies, m, n).
 
     >>> sweep = read_sweep("runs/paper")
     >>> pipeline = FusionPipeline(Fusion("energy"), Strategy(Rule(degree=2), judge="truncated"))

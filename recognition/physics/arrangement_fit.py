@@ -72,8 +72,7 @@ def alike(X: Sequence[PlateRecord]) -> tuple[Integers, bool]:
 
 
 def fit_model(X: Sequence[PlateRecord], groups: Floats) -> ArrangementModel:
-    """From records and their groups, of those that `alike` chooses, on the plate and places of the first.
-    RecognitionError."""
+    """From records and groups, those that `alike` chooses, on the plate and places of the first. RecognitionError."""
     chosen, own = alike(X)
     forces = [record for k in chosen if (record := X[k].force_record) is not None]
     samples = used(max(float(force.fall.arrival_s.max()) for force in forces), 1 / forces[0].sample_s)

@@ -1,5 +1,4 @@
-"""The likelihood of all arrangements as a method of recognition, on the plate of the training or on one that was learnt
-by tapping.
+"""The likelihood of all arrangements as a method, on the plate of the training or one learnt by tapping.
 
 There the law of the stones' forces stays. Of the plate's responses, the part of the modes up to the highest frequency
 that was learnt is that of the learnt modes; what modes above it add stays that of the finite elements. Each mode's

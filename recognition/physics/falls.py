@@ -48,8 +48,7 @@ class FallSearch:
 
     @classmethod
     def of(cls, model: ArrangementModel, latest_s: float) -> Self:
-        """For records of a model, whose stones arrive from LATEST_S before the beginning until latest_s, and HEARD_S
-        before the end."""
+        """For records of a model, whose stones arrive from -LATEST_S until latest_s, and HEARD_S before the end."""
         plate = FlexiblePlate.model_validate_json(model.plate_json)
         assert plate.max_frequency_Hz is not None
         seen = Seen(PlateModel.from_scene(plate, plate.max_frequency_Hz), model)

@@ -63,8 +63,7 @@ class ForceLaw:
 
     @property
     def weights(self) -> tuple[Floats, Floats]:
-        """Mean (2, k) and covariance (2, k, k) of the weights e^u (1, a ...) of the forms at the middle speed, by the
-        moments of a log-normal distribution."""
+        """Mean (2, k) and covariance (2, k, k) of the forms' weights e^u (1, a ...) at the middle speed, log-normal."""
         u, of_u = self.mean[:, 0, 0], self.covariance[:, 0, 0]
 
         def beside(times: int) -> Floats:

@@ -54,8 +54,7 @@ def known_unit(source: str, scale: float, unit: str | None) -> str | None:
 
 
 def acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Series:
-    """A column of accelerations in m/s^2, or of the force in N, under its name, NaN where it holds no number; any other
-    as it is."""
+    """A column of accelerations in m/s^2, or of the force in N, under its name, NaN for no number; any other as is."""
     name, own = name_and_unit(str(column.name))
     if name.lower() == "force" and own in FORCE_N:
         return pd.to_numeric(column, errors="coerce").rename("force_N") * FORCE_N[own]

@@ -35,8 +35,7 @@ from recognition.sensors.channel_check import samples_before_impact
 
 @dataclass(eq=False)
 class FeatureRegression(RecordEstimator):
-    """A Gaussian process on one of FEATURES, of samples or sensors, taken of all accelerometers from the impact on; X
-    has the shape (runs, copies, p).
+    """A Gaussian process on one of FEATURES of all accelerometers from the impact on. X: (runs, copies, p).
 
     >>> FeatureRegression("energies_sensors").prepare(read_run("runs/paper/ratio_030").signals).shape
     (9, 8)

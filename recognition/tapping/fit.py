@@ -192,8 +192,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class Fitted:
-    """The fit in its last window, the most probable state, and the covariance (size, size) of the parameters about
-    it."""
+    """The fit in its last window, the most probable state, and the parameters' covariance (size, size) about it."""
 
     fit: Fit
     state: Floats
