@@ -60,7 +60,7 @@ class Structure:
 
     def slopes(self, points_m: Floats) -> Floats:
         """(k, 2, m): slopes of the shapes along x and y at points (k, 2)."""
-        return np.stack([self.plate.shape(*points_m.T, slope) for slope in SLOPES], axis=1)
+        return np.stack([self.plate.shape(points_m[:, 0], points_m[:, 1], slope) for slope in SLOPES], axis=1)
 
     @cached_property
     def sensor_slopes(self) -> Floats:
