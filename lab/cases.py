@@ -91,7 +91,7 @@ CASES = {case.name: case for case in (
     Case("anti_alias", "lab.recognition.anti_alias", "filter before the samples of the paper's runs", "samples without it",
          (*METHODS, "analysis/signals", "report")),
     Case("recognise_families", "lab.recognition.evaluation", "how much stones differ, 44 runs a family", "the true ratio",
-         (*METHODS, "recognition/evaluation", "scenes/dataset.toml", "lab/recognition/superposed.py",
+         (*METHODS, "recognition/evaluation.py", "scenes/dataset.toml", "lab/recognition/superposed.py",
           "lab/recognition/baselines.py")),
     Case("model_errors", "lab.recognition.model_errors", "what the plate's model leaves of a blow", "the true ratio",
          (*METHODS, *TAPPED, "lab/recognition/superposed.py")),

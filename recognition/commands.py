@@ -41,9 +41,8 @@ class FitResult(Result):
 
 
 def fit(directory: str, out: str) -> FitResult:
-    """Fit a model to a directory of runs or a data set, and write it to `out` (.json). Raises RecordError,
-    RecognitionError, InputError."""
-    from recognition.evaluation.dataset import CONDITIONS, read_dataset  # late: no record needs it
+    """Fit a model to a directory of runs or a data set, and write it to `out` (.json). Raises InputError."""
+    from recognition.evaluation import CONDITIONS, read_dataset  # late: no record needs it
 
     file, families, passed_over = Path(out), list[str](), list[str]()
     refuse_file(out, is_sealed_as(FORMAT), ".json")
@@ -119,10 +118,8 @@ class EvaluateResult(Result):
 
 
 def evaluate(directory: str) -> EvaluateResult:
-    """Find the error of each method on runs of a data set that it was not trained on. Raises RecordError,
-    RecognitionError, InputError."""
-    from recognition.evaluation.cross_validation import write_evaluation  # late, as in `fit`
-    from recognition.evaluation.dataset import read_dataset
+    """Find the error of each method on runs of a data set that it was not trained on. Raises InputError."""
+    from recognition.evaluation import read_dataset, write_evaluation  # late, as in `fit`
     from recognition.methods import METHODS
 
     refuse_foreign_file(Path(directory) / "evaluation.csv", is_stamped)

@@ -4,9 +4,8 @@ from functools import partial
 
 from recognition.estimation.method import MethodEntry, Registry
 from recognition.paper.fusion import Fusion
-from recognition.paper.pipeline import FusionPipeline
 from recognition.paper.q_parameter import FusionQ
-from recognition.paper.strategy import Rule, Strategy
+from recognition.paper.strategy import FusionPipeline, Rule, Strategy
 from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.regression.feature_regression import FeatureRegression
 

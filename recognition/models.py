@@ -26,7 +26,7 @@ from common.input_error import raised_as, refuse_unreadable
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
-from recognition.estimation.method import Groups, Method, WithHeldOutError
+from recognition.estimation.method import Groups, Method
 from recognition.estimation.window import LEAST_RATIOS, Window
 from recognition.methods import METHODS
 from recognition.physics.arrangement_method import ArrangementLikelihood
@@ -35,16 +35,6 @@ from recognition.regression.feature_regression import FeatureRegression
 from recognition.sensors.channel_check import channel_faults, samples_before_impact
 
 T = TypeVar("T")
-
-
-def encode(value: Any) -> Any:
-    """A dataclass as nested dicts and lists."""
-    return _converter.unstructure(value)
-
-
-def decode(data: Any, of: type[T]) -> T:
-    """A dataclass from what `encode` made of it. ValueError, KeyError or TypeError for anything else."""
-    return _converter.structure(data, of)
 
 
 def _array(data: Any, of: Any) -> Any:
@@ -104,6 +94,8 @@ _converter.register_structure_hook_func(_is_array, _array)
 _converter.register_unstructure_hook_func(_is_array, lambda array: array.tolist())
 _converter.register_structure_hook_factory(is_dataclass, _structure)
 _converter.register_unstructure_hook_factory(is_dataclass, _unstructure)
+#: A dataclass as nested dicts and lists, and one from these: ValueError, KeyError or TypeError for anything else.
+encode, decode = _converter.unstructure, _converter.structure
 
 
 FORMAT = "coal-gangue mixing ratio"
@@ -147,7 +139,9 @@ class Model:
         """
         if not isinstance(signals, pd.DataFrame):
             raise RecordError(f"{source}: is of type {type(signals).__name__}; must be a table with t_s and signals")
-        table = self.window.cut(from_impact(signals), source)
+        values = _accelerations(signals)[1]
+        early = samples_before_impact(values) if len(values) and np.isfinite(values).all() else 0
+        table = self.window.cut(signals.iloc[early:].reset_index(drop=True) if early else signals, source)
         answers = self.answers_to(lambda name: self._features(name, table))
         if all(answer.reason.startswith(NOT_APPLICABLE) for answer in answers.values()):
             reasons = dict.fromkeys(answer.reason for answer in answers.values())
@@ -160,12 +154,6 @@ class Model:
         if known is not None and here and here != known and isinstance(self.methods[name], FeatureRegression):
             raise RecognitionError(f"accelerometers {', '.join(here)}; the training has {', '.join(map(str, known))}")
         return self.methods[name].prepare(table)
-
-    def at_impact(self) -> Self:
-        """The same for records that begin as those of the simulation do: no method seeks the moment of the impact."""
-        known = {name: method.at_impact() for name, method in self.methods.items()
-                 if isinstance(method, ArrangementLikelihood)}
-        return replace(self, methods=self.methods | known)
 
     def on_plate(self, plate: PlateModel) -> Self:
         """For records of a plate that was learnt by tapping. Only the arrangement likelihood knows of the plate; what
@@ -196,10 +184,9 @@ class Model:
         return found if not seeks or any(name in found for name in seeks) else {}
 
     def best(self, answers: dict[str, Answer]) -> tuple[str, Answer] | None:
-        """The answer with an interval whose method has the least error on what was held out of its training; None if
-        there is none, or if a method vetoes."""
-        errors = {name: method.error_ for name, method in self.methods.items()
-                  if name in answers and answers[name].has_interval and isinstance(method, WithHeldOutError)}
+        """The answer with an interval whose method has the least held-out error; None if there is none, or a veto."""
+        errors: dict[str, float] = {name: method.error_ for name, method in self.methods.items()
+                                    if name in answers and answers[name].has_interval and hasattr(method, "error_")}
         name = min(errors, key=lambda name: errors[name], default=None)
         return None if name is None or self.vetoes(answers) else (name, answers[name])
 
@@ -210,8 +197,9 @@ class Model:
             try:
                 answers[name] = _answer(method, features(name))
             except RecognitionError as reason:
-                answers[name] = Answer.none(f"{NOT_APPLICABLE}: {reason}")
-        return answers | {name: Answer.none(f"{NOT_APPLICABLE}: {reason}") for name, reason in self.left_out.items()}
+                answers[name] = Answer(math.nan, reason=f"{NOT_APPLICABLE}: {reason}")
+        return answers | {name: Answer(math.nan, reason=f"{NOT_APPLICABLE}: {reason}")
+                          for name, reason in self.left_out.items()}
 
     def save(self, path: str | Path) -> None:
         """Write the model, whole or not at all."""
@@ -249,13 +237,6 @@ def _accelerations(signals: pd.DataFrame) -> tuple[list[str], Floats]:
     return names, signals[names].to_numpy(dtype=float).T
 
 
-def from_impact(signals: pd.DataFrame) -> pd.DataFrame:
-    """A record without the silence before the impact, as far as its accelerometers show it."""
-    _, values = _accelerations(signals)
-    early = samples_before_impact(values) if len(values) and np.isfinite(values).all() else 0
-    return signals.iloc[early:].reset_index(drop=True) if early else signals
-
-
 @dataclass(frozen=True)
 class PreparedRuns:
     """What each method takes of each run, which does not depend on the training, so that many models share it;
@@ -281,8 +262,7 @@ class PreparedRuns:
 
     def fit(self, chosen: Sequence[int] | np.ndarray[Any, Any], groups: Groups | None = None,
             conditions: pd.DataFrame | None = None) -> Model:
-        """A model of the chosen runs; groups and conditions of these. Raises RecognitionError where no method can be
-        used."""
+        """A model of the chosen runs; groups and conditions of these. RecognitionError where no method can be used."""
         runs = [self.runs[k] for k in chosen]
         ratios = np.array([run.gangue_ratio for run in runs])
         if (different := np.unique(ratios).size) < LEAST_RATIOS:
@@ -310,7 +290,10 @@ class PreparedRuns:
 
     def answers_by(self, model: Model, index: int) -> dict[str, Answer]:
         """Answers of a model to one of these runs, the moment of the impact being known."""
-        return model.at_impact().answers_to(lambda name: self.features[name][index])
+        at_impact = {name: method.at_impact() for name, method in model.methods.items()
+                     if isinstance(method, ArrangementLikelihood)}
+        known = replace(model, methods=model.methods | at_impact)
+        return known.answers_to(lambda name: self.features[name][index])
 
 
 def _answer(method: Method, features: Any) -> Answer:

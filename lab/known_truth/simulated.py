@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -65,21 +64,16 @@ def stream_of(plate: PlateModel, channels: Channels, histories: Sequence[History
         for pulse, first, phi in zip(pulses, first_steps, shape[:, k], strict=True):
             part = force[0, first:first + len(pulse)]
             part -= phi * pulse[: len(part)]
-        mode = one_mode(plate, k)
-        fine += acceleration[:, k:k + 1] * modal_motion(mode, force, FINE_S)
+        mode = plate.frequency_Hz[k:k + 1], plate.damping_ratio[k:k + 1]
+        fine += acceleration[:, k:k + 1] * modal_motion(*mode, force, FINE_S)
         if channels.rods:
-            fine += amplitude[:, k:k + 1] * modal_motion(mode, force, FINE_S, amplitude=True)
+            fine += amplitude[:, k:k + 1] * modal_motion(*mode, force, FINE_S, amplitude=True)
     values = low_passed(fine, round(1 / (FINE_S * rate_Hz)))
     if noise_db is not None:
         first, last = (int(t * rate_Hz) for t in (truth["t_s"].iloc[0], truth["t_s"].iloc[-1] + 0.02))
         rms = np.sqrt(np.mean(values[:, first:last] ** 2, axis=1))
         values = values + rng.standard_normal(values.shape) * (rms * 10 ** (-noise_db / 20))[:, None]
     return Stream(values, rate_Hz, truth)
-
-
-def one_mode(plate: PlateModel, k: int) -> SimpleNamespace:
-    """Frequency and damping of mode k alone, as `modal_motion` needs them."""
-    return SimpleNamespace(frequency_Hz=plate.frequency_Hz[k:k + 1], damping_ratio=plate.damping_ratio[k:k + 1])
 
 
 def scattered(plate: PlateModel, frequency_sd: float, rng: np.random.Generator) -> PlateModel:

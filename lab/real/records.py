@@ -30,8 +30,7 @@ from analysis.files.readers import read_signals
 from analysis.signals.records import RecordError
 from lab.study import Row
 from recognition.stone_forces.forces import load_forces
-from recognition.tapping.taps import Tap
-from recognition.tapping.window import samples_of, spectra
+from recognition.tapping.taps import Tap, samples_of, spectra
 
 GIVEN = [Path(os.environ["GANGUE_REAL"])] if "GANGUE_REAL" in os.environ else []
 BESIDE = [above / "shared" / "real" for above in Path(__file__).resolve().parents]

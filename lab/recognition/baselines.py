@@ -15,13 +15,12 @@ from sklearn.base import clone
 from sklearn.linear_model import LinearRegression
 
 from analysis.sweep.runs import Run
-from lab.recognition.impulse import impulse_N_s
+from lab.recognition.impulse import impulse_N_s, signals_of
 from recognition.estimation.answer import Answer
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.method import Groups, MethodEntry, RecordEstimator, Registry
 from recognition.estimation.noise import noisy_copies
-from recognition.estimation.window import channels_of
 from recognition.methods import METHODS
 from recognition.physics.arrangement_likelihood import ArrangementEstimate
 from recognition.physics.arrangement_method import ArrangementLikelihood
@@ -136,7 +135,7 @@ def answer_of(weight: Floats) -> Answer:
 
 def rms_of_acceleration(signals: pd.DataFrame) -> Floats:
     """Root mean square of the centre of mass' acceleration, shape (1,)."""
-    return np.asarray(np.sqrt(np.mean(channels_of(signals, "centre")[1:] ** 2, axis=1)))
+    return np.asarray(np.sqrt(np.mean(signals_of(signals, ["a_m_s2"]) ** 2, axis=1)))
 
 
 class ImpulseRegression(FeatureRegression):

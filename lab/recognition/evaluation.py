@@ -15,8 +15,7 @@ from analysis.sweep.runs import Run
 from lab.recognition.baselines import EVALUATED
 from lab.recognition.superposed import superposed
 from lab.study import Row
-from recognition.evaluation.cross_validation import CASES, Case, Evaluation, summary
-from recognition.evaluation.dataset import read_dataset
+from recognition.evaluation import CASES, Case, Evaluation, read_dataset, summary
 
 FAMILIES, NOISE_db = ("clean", "stones", "natural", "wide"), 20.0
 

@@ -16,18 +16,30 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import cumulative_trapezoid
 
+from common.channels import RODS
+from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
-from recognition.estimation.window import channels_of
 
 #: J_s is the mean over this time. Before it, stones still touch the plate; after it, the integral has gathered more
 #: noise.
 AVERAGED_S = (0.75e-3, 3e-3)
 
 
+def signals_of(signals: pd.DataFrame, names: list[str]) -> Floats:
+    """Columns of a record (columns, samples). RecognitionError for a missing one, and for a value that is not finite."""
+    if missing := [name for name in names if name not in signals.columns]:
+        raise RecognitionError(f"no column {missing[0]!r} in the record")
+    values = signals[names].to_numpy(dtype=float).T
+    if not np.isfinite(values).all():
+        raise RecognitionError(f"columns {', '.join(names)} of the record have a value that is not finite")
+    return values
+
+
 def impulse_N_s(signals: pd.DataFrame) -> float:
     """Of a record with columns t_s, v_m_s and rod_*. RecognitionError for missing ones, or a record that is too short
     or at rest."""
-    rods_N, (v_m_s,) = channels_of(signals, "rods"), channels_of(signals, "centre")[:1]
+    rods_N = signals_of(signals, [name for name in map(str, signals.columns) if name.startswith(RODS)] or [f"{RODS}*"])
+    (v_m_s,) = signals_of(signals, ["v_m_s"])
     t_s = signals["t_s"].to_numpy(dtype=float) - float(signals["t_s"].iloc[0])
     start, end = np.searchsorted(t_s, AVERAGED_S)
     if len(t_s) < max(end, start + 2):

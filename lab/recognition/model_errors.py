@@ -21,7 +21,7 @@ from lab.recognition.superposed import Plate, STEP_s, signals_of, superposed
 from lab.study import Row
 from recognition.estimation.arrays import Floats, Integers
 from recognition.estimation.noise import with_noise
-from recognition.evaluation.dataset import DataSet, read_dataset
+from recognition.evaluation import DataSet, read_dataset
 from recognition.physics.arrangement_method import ArrangementLikelihood
 from recognition.plate.plate_model import PlateModel
 from recognition.tapping.fit import fit_plate

@@ -16,7 +16,7 @@ import pandas as pd
 from lab.known_truth import other_plates
 from lab.known_truth.simulated import Stream, draw_stones, stream_of
 from lab.known_truth.tap_records import hammer_taps
-from recognition.estimation.answer import warning_of
+from recognition.estimation.answer import Answer
 from recognition.estimation.errors import RecognitionError
 from recognition.innovations.prior import StonePrior
 from recognition.innovations.signatures import Channels
@@ -126,7 +126,7 @@ def heard(plate: PlateModel, case: Case, record: Stream, quiet_s: float = QUIET_
     row: dict[str, object] = {
         "stones": case.count, "heard": len(stones), **matched(stones, truth), "cpu_s": time.process_time() - began,
         "hear_s": found.hearing.hearing_s, "length_s": record.values.shape[1] / RATE_Hz, "refused": found.refused,
-        "warned": not found.hearing.tapped or bool(warning_of(*ratio_of(stones))),
+        "warned": not found.hearing.tapped or bool(Answer.between(*ratio_of(stones)).warning),
         "unexplained": checks.unexplained, "gain": float(abs(checks.gain - 1).max()), "no_stone": checks.none,
         "beyond": checks.beyond, "together": checks.together, "change": checks.change}
     for name, by_mass in (("number", False), ("mass", True)):

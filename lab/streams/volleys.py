@@ -27,12 +27,12 @@ from lab.streams.known_streams import ALL, tapped, true_plate, true_ratio
 from lab.streams.listening import grouped
 from lab.study import Row
 from recognition.estimation.errors import RecognitionError
-from recognition.evaluation.dataset import DataSet, read_dataset
+from recognition.evaluation import DataSet, read_dataset
 from recognition.physics.force_records import ForceRecord, force_record_of
 from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import History, load_forces
+from recognition.volley.moments import RATE_Hz, Stones
 from recognition.volley.recognise import recognise_volley
-from recognition.volley.responses import RATE_Hz, Stones
 
 PAPER = Stones((10, 10), 0.025, (3.0, 3.0))
 DENSITY = {False: 1380.0, True: 2400.0}

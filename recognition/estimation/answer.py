@@ -13,21 +13,12 @@ WIDE_points = 5.0
 NINE_IN_TEN = 1.645  # standard deviations of a normal law to either side
 
 
-def warning_of(low: float, ratio: float, high: float) -> str:
-    """What is printed of a 90 % interval that is so wide that the ratio alone would mislead, "" of any other."""
-    reach_points = 100 * max(ratio - low, high - ratio)
-    if not reach_points > WIDE_points + 1e-9:  # ratios are rounded
-        return ""
-    return f"WARNING: uncertain, the 90 % interval reaches {reach_points:.1f} points from the ratio"
-
-
 @dataclass(frozen=True)
 class Answer:
     """Mixing ratio of one record.
 
     ratio: not clipped to 0..1, NaN where there is none, and then `reason` says why. low, high: ends of the 90 %
-    interval, NaN from a method without intervals. out_of_distribution: why the record is unlike those of the training,
-    "" if it is not.
+    interval, or NaN. out_of_distribution: why the record is unlike those of the training, "" if it is not.
 
     >>> Answer(0.31, low=0.28, high=0.34).text
     '31.0 %, 90 % interval 28.0 to 34.0'
@@ -40,11 +31,6 @@ class Answer:
     reason: str = ""
 
     @classmethod
-    def none(cls, reason: str) -> Self:
-        """No ratio, and why."""
-        return cls(nan, reason=reason)
-
-    @classmethod
     def between(cls, low: float, ratio: float, high: float) -> Self:
         """A ratio between the ends of its interval."""
         return cls(ratio, low, high)
@@ -55,7 +41,11 @@ class Answer:
 
     @property
     def warning(self) -> str:
-        return warning_of(self.low, self.ratio, self.high)
+        """What is printed of an interval that is so wide that the ratio alone would mislead, "" of any other."""
+        reach_points = 100 * max(self.ratio - self.low, self.high - self.ratio)
+        if not reach_points > WIDE_points + 1e-9:  # ratios are rounded
+            return ""
+        return f"WARNING: uncertain, the 90 % interval reaches {reach_points:.1f} points from the ratio"
 
     @property
     def text(self) -> str:
@@ -64,14 +54,13 @@ class Answer:
 
 
 def answers_within(width: float, ratio_of: Callable[[Floats], float], X: Sequence[Floats] | Floats) -> list[Answer]:
-    """The ratio of each record, whose features are followed by those of its `noisy_copies`, with an interval of so much
-    to either side and of what the copies change in the ratio, all of it where they have none; no answer where
-    `ratio_of` the record raises NotRecognised."""
+    """The ratio of each record, whose features are followed by those of its `noisy_copies`, within `width` to either
+    side and what the copies change, 1 where they have no ratio; no answer where `ratio_of` raises NotRecognised."""
     def answer(x: Floats) -> Answer:
         try:
             ratio = ratio_of(x[0])
         except NotRecognised as reason:
-            return Answer.none(f"no answer: {reason}")
+            return Answer(nan, reason=f"no answer: {reason}")
         reach = hypot(width, NINE_IN_TEN * sqrt(sum(change(copy, ratio)**2 for copy in x[1:]) / max(1, len(x) - 1)))
         return Answer(ratio, ratio - reach, ratio + reach)
 

@@ -28,8 +28,7 @@ def finite(name: str, values: ArrayLike, dimensions: int) -> Floats:
 
 
 def training(X: ArrayLike, y: ArrayLike, dimensions: int) -> tuple[Floats, Floats]:
-    """What is learnt of runs: numbers X of each, and ratios y (runs,), 0 to 1. RecognitionError where they do not
-    agree."""
+    """What is learnt of runs: numbers X of each, ratios y (runs,), 0 to 1. RecognitionError where they disagree."""
     numbers, ratios = finite("X", X, dimensions), finite("y", y, 1)
     if ratios.shape != numbers.shape[:1]:
         raise RecognitionError(f"y has shape {ratios.shape}; needs a ratio for each of {len(numbers)} runs")

@@ -7,7 +7,7 @@ copy can be made. `ArrangementLikelihood` is no estimator: its records are objec
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, Protocol, Self
 
 import numpy as np
 import pandas as pd
@@ -27,8 +27,8 @@ Groups = Sequence[Any] | NDArray[Any]
 class Method(Protocol):
     """A record becomes features, features train the method, and the trained method answers.
 
-    A method is a dataclass. Its fields ending in an underscore are set by `fit`; with the others they are what the
-    model file holds.
+    A method is a dataclass, which the model file holds. `fit` sets its fields ending in an underscore:
+    `error_` is the mean error of the ratio on runs held out of the training, where the method knows it.
     """
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Any:
@@ -51,13 +51,6 @@ class Method(Protocol):
 
     def summary(self) -> str:
         """What was learnt, in a few words."""
-
-
-@runtime_checkable
-class WithHeldOutError(Protocol):
-    """A method that knows the mean error of the ratio, `error_`, that it makes on runs held out of its training."""
-
-    error_: float
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,7 @@ def with_noise(signals: pd.DataFrame, noise_db: float | None, rng: np.random.Gen
 
 
 def noisy_copies(signals: pd.DataFrame) -> list[pd.DataFrame]:
-    """The record, and COPIES of it in which every signal has its noise once more: they change an answer by about as
-    much as the noise has changed it already."""
+    """The record, and COPIES with its noise once more: they change an answer by about as much as the noise did."""
     values = _values(signals)
     numbers = values.to_numpy(dtype=float)
     noise, rng = noise_of(numbers.T), np.random.default_rng(crc32(numbers.tobytes()))

@@ -30,7 +30,7 @@ def drawn(densities: Densities, starts: Floats, prior_curvature: Floats, count: 
     for round_ in range(ROUNDS):
         z = mixture.draw(DRAWS, rng)
         each, prior = densities(z)
-        log_weight = each.sum(axis=1) + prior - mixture.log_density(z)
+        log_weight = each.sum(axis=1) + prior - logsumexp(mixture.log_parts(z), axis=1)
         weight = _normal(log_weight)
         worth = _worth(weight)
         if worth > ENOUGH and round_:
@@ -95,8 +95,8 @@ class Mixture:
         scale = np.sqrt(FREEDOM / rng.chisquare(FREEDOM, count))
         return np.asarray(self.centre[which] + scale[:, None] * np.einsum("kij,kj->ki", self.root[which], normal))
 
-    def _log_parts(self, z: Floats) -> Floats:
-        """(k, m)"""
+    def log_parts(self, z: Floats) -> Floats:
+        """Logarithms (k, m) of the density of each part, by its share."""
         d = z.shape[1]
         off = np.linalg.solve(self.root, (z[None] - self.centre[:, None]).swapaxes(1, 2))
         constant = gammaln((FREEDOM + d) / 2) - gammaln(FREEDOM / 2) - d / 2 * np.log(FREEDOM * np.pi)
@@ -104,13 +104,9 @@ class Mixture:
         size = np.sum(off**2, axis=1).T
         return np.asarray(self.log_share + constant - widths - (FREEDOM + d) / 2 * np.log1p(size / FREEDOM))
 
-    def log_density(self, z: Floats) -> Floats:
-        """(k,)"""
-        return np.asarray(logsumexp(self._log_parts(z), axis=1))
-
     def nearer(self, z: Floats, weight: Floats) -> "Mixture":
         """Nearer to what weighted draws are of; a part of few draws stays as wide as it was."""
-        parts = self._log_parts(z)
+        parts = self.log_parts(z)
         own = np.exp(parts - logsumexp(parts, axis=1, keepdims=True)) * weight[:, None]
         total = own.sum(axis=0)
         share = 0.9 * total + 0.1 / len(total)

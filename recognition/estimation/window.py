@@ -21,14 +21,6 @@ WINDOW_S = 0.04
 LEAST_SHARE = 0.1
 #: Different ratios that a model needs.
 LEAST_RATIOS = 4
-#: Sets of signals by name; a name that ends in * stands for all columns that begin so, in alphabetic order, and one in
-#: brackets for columns that may be absent.
-CHANNELS = {
-    "centre": ("v_m_s", "a_m_s2"),
-    "accelerometers": (f"{ACCELEROMETERS}*",),
-    "rods": (f"{RODS}*",),
-    "plate": (f"{ACCELEROMETERS}*", f"[{RODS}*]"),  # sensors that a plate can have
-}
 
 
 @dataclass(frozen=True)
@@ -65,22 +57,19 @@ class Window:
         return signals.iloc[: self.n_samples]
 
 
-def channel_names(columns: Iterable[str], kind: str) -> list[str]:
-    """Columns of a set of CHANNELS. RecognitionError where the record lacks one."""
-    columns, found = list(columns), []
-    for entry in CHANNELS[kind]:
-        name = entry.strip("[]")
-        here = sorted(c for c in columns if c.startswith(name[:-1])) if name.endswith("*") else [name]
-        if name == entry and not (here and set(here) <= set(columns)):
-            raise RecognitionError(f"no column {name!r} in the record; needs it for {kind}")
-        found += here
-    return found
+def channel_names(columns: Iterable[str], rods: bool = False) -> list[str]:
+    """Columns of accelerometers, sorted, and then of what rods there are. RecognitionError for no accelerometer."""
+    every = sorted(columns)
+    accelerometers = [name for name in every if name.startswith(ACCELEROMETERS)]
+    if not accelerometers:
+        raise RecognitionError(f"no column '{ACCELEROMETERS}*' in the record; needs it for "
+                               f"{'plate' if rods else 'accelerometers'}")
+    return accelerometers + [name for name in every if rods and name.startswith(RODS)]
 
 
-def channels_of(signals: pd.DataFrame, kind: str) -> Floats:
-    """Signals of a set of CHANNELS, shape (channels, samples). RecognitionError for a missing column or a value that is
-    not finite."""
-    names = channel_names(signals.columns, kind)
+def channels_of(signals: pd.DataFrame, rods: bool = False) -> Floats:
+    """Signals of `channel_names`, shape (channels, samples). RecognitionError for one missing or not finite."""
+    names = channel_names(signals.columns, rods)
     values = signals[names].to_numpy(dtype=float).T
     if not np.all(np.isfinite(values)):
         bad = names[int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])]

@@ -25,8 +25,7 @@ PARAMETERS = 6
 
 @dataclass(frozen=True)
 class Bank:
-    """Innovations of unit impulses on the modes, channel fastest; forms, durations, and phases of which the first and
-    the last lie outside the sample.
+    """Innovations of unit impulses on the modes, channel fastest; the first and last phase lie outside the sample.
 
     responses: for accelerations, and amplitudes where rods are heard, channels (c, n) of the modes, and the modes'
     responses (form, duration, phase, n, LAGS). filter: spectrum (c, c, bins) of what makes LAGS samples of channels

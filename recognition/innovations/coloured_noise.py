@@ -4,8 +4,7 @@ The channels' noise n is coloured, and correlated between channels: a vector aut
 
     n[t] = sum_k A_k n[t - k] + e[t],    e normal with covariance S, k = 1 ... p.
 
-Least squares on one half of the quiet give A and S; what they make of the other half chooses the order p, and shows
-whether the noise stays what it is.
+Least squares on one half of the quiet give A and S; the other half chooses p, and shows whether the noise stays.
 """
 
 from dataclasses import dataclass
@@ -30,12 +29,7 @@ class SensorNoise:
     """
 
     filter: Floats
-    change: float = 1.0
-
-    @classmethod
-    def white(cls, deviation: Floats) -> Self:
-        """Independent white noise of standard deviations (c,)."""
-        return cls(np.diag(1 / deviation)[None])
+    change: float
 
     @classmethod
     def of(cls, quiet: Floats, floor: float = 0.0) -> Self:

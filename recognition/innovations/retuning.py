@@ -5,9 +5,8 @@ expected spectrum of the channels is then a sum over the modes,
 
     S(f) = g(f) sum_j a_j(f) c_j c_j' + noise,    a_j = f^4/((f_j^2 - f^2)^2 + 4 zeta_j^2 f_j^2 f^2),
 
-with c_j the shape of mode j at the sensors and g the smooth spectrum of the forces. Frequencies, damping ratios and
-g maximise Whittle's likelihood of the record's spectrum times the prior of the plate model. The noise is that of the
-quiet beginning (coloured_noise.py).
+with c_j the shape of mode j at the sensors and g the smooth spectrum of the forces. Frequencies, damping ratios and g
+maximise Whittle's likelihood of the record's spectrum times the prior of the plate model. Noise: coloured_noise.py.
 """
 
 from dataclasses import dataclass, replace
@@ -58,8 +57,7 @@ class _Spectrum:
         return value + 0.5 * float(u @ u + d @ d), gradient
 
     def _of_bins(self, bins: slice, b: Floats, zeta: Floats, level: Floats) -> tuple[float, Floats, Floats, Floats]:
-        """Minus the log likelihood of some bins, and its slopes by log f, log zeta and log g. b: squares of the modes'
-        frequencies."""
+        """Minus the log likelihood of some bins, and its slopes by log f, log zeta and log g. b: squares of f."""
         f2, spectrum, smooth = self.f_Hz[bins, None] ** 2, self.spectrum[bins], self.smooth[bins]
         apart, width = b - f2, 4 * zeta**2 * b * f2
         a = f2**2 / (apart**2 + width)

@@ -14,7 +14,7 @@ from scipy.signal import cont2discrete, lfilter, resample_poly
 
 from analysis.signals.resampling import low_pass
 from recognition.estimation.arrays import Floats
-from recognition.plate.plate_model import Modes, PlateModel
+from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import StoneForces
 
 Floats32: TypeAlias = NDArray[np.float32]
@@ -38,21 +38,20 @@ class Channels:
         return np.vstack([shape, 0 * rods]), np.vstack([0 * shape, rods])
 
 
-def modal_motion(plate: Modes, force: Floats, step_s: float, amplitude: bool = False) -> Floats:
-    """Acceleration, or amplitude, (n, steps) of every mode under modal forces (n, steps), constant over each step."""
-    out = np.empty_like(force)
-    for k, (f, zeta) in enumerate(zip(plate.frequency_Hz, plate.damping_ratio, strict=True)):
+def modal_motion(frequency_Hz: Floats, damping_ratio: Floats, force: Floats, step_s: float,
+                 amplitude: bool = False) -> Floats:
+    """Acceleration, or amplitude, (n, steps) of modes (n,) under modal forces (n, steps), constant over each step."""
+    out, top = np.empty_like(force), np.array([1.0] if amplitude else [1.0, 0.0, 0.0])
+    for k, (f, zeta) in enumerate(zip(frequency_Hz, damping_ratio, strict=True)):
         w = 2 * np.pi * f
-        top = [1.0] if amplitude else [1.0, 0.0, 0.0]
-        system = (np.array(top), np.array([1.0, 2 * zeta * w, w * w]))
-        b, a = cont2discrete(system, step_s, "zoh")[:2]
+        b, a = cont2discrete((top, np.array([1.0, 2 * zeta * w, w * w])), step_s, "zoh")[:2]
         out[k] = lfilter(np.ravel(b), a, force[k])
     return out
 
 
 def low_passed(values: Floats, factor: int) -> Floats:
     """Every factor-th sample of values (..., n) after the anti-alias filter."""
-    return np.asarray(resample_poly(values, 1, factor, axis=-1)) if factor > 1 else values
+    return np.asarray(resample_poly(values, 1, factor, axis=-1))
 
 
 def modal_table(plate: PlateModel, forces: StoneForces, rate_Hz: float, lags: int, amplitude: bool = False) -> Floats32:
@@ -66,7 +65,8 @@ def modal_table(plate: PlateModel, forces: StoneForces, rate_Hz: float, lags: in
     n = len(plate.frequency_Hz)
     table = np.empty((len(forces.form), len(DURATIONS_S), factor + 3, n, lags), dtype=np.float32)
     t_s: Floats = (np.arange(steps, dtype=float) + 0.5) * FINE_S
-    ring = modal_motion(plate, np.tile(np.eye(1, steps), (n, 1)), FINE_S, amplitude)
+    push = np.tile(np.eye(1, steps), (n, 1))
+    ring = modal_motion(plate.frequency_Hz, plate.damping_ratio, push, FINE_S, amplitude)
     taps, late = low_pass(factor)
     spectrum = np.fft.rfft(ring, 2 * steps) * np.fft.rfft(taps, 2 * steps)
     for m, k in np.ndindex(len(forces.form), len(DURATIONS_S)):

@@ -60,8 +60,7 @@ class Whitening:
         return self.after(np.zeros((len(values), 0)), values)
 
     def after(self, before: Floats, values: Floats) -> Floats:
-        """Innovations (c, samples) of channels (c, samples) that go on from others (c, any), of which those of the last
-        MEMORY_S count."""
+        """Innovations (c, samples) of channels (c, samples) after others (c, any), the last MEMORY_S of which count."""
         taps, n, out = self.response.shape[-1], values.shape[-1], np.empty_like(values)
         rows = np.hstack([np.zeros((len(values), taps)), before, values])[:, -taps - n:]
         for first in range(0, n, taps):

@@ -1,5 +1,4 @@
-"""Responses of the plate: normalised (Eqs. 38, 39, 41), Kalman-filtered by filterpy, and fused (Section V-B): energy,
-other, absolute, composite.
+"""Responses of the plate: normalised (Eqs. 38, 39, 41), Kalman-filtered by filterpy, and fused (Section V-B).
 
 The paper names neither its state model nor its covariances. The model here is the plainest that does what its figures
 describe (smaller and slower fluctuation):
@@ -76,8 +75,7 @@ class Fusion(Fitted):
         return np.stack([plate_response(signals, name) for name in self.names])
 
     def fit(self, responses: Floats) -> Self:
-        """Minima and maxima (m, 1) over all training runs together; responses: shape (runs, m, n). RecognitionError for
-        one that never changes."""
+        """Minima and maxima (m, 1) over training runs, responses (runs, m, n). RecognitionError for a constant one."""
         responses = self._responses(responses)
         self.low_, self.high_ = (end(responses, axis=(0, 2))[:, None] for end in (np.min, np.max))
         for name, low, high in zip(self.names, self.low_[:, 0], self.high_[:, 0], strict=True):
@@ -126,8 +124,7 @@ def gains(count: int, samples: int, process_to_measurement: float) -> Floats:
 
 
 def fuse(signals: Floats, process_to_measurement: float = PROCESS_TO_MEASUREMENT) -> Floats:
-    """Fuse m normalised responses into one estimate: shape (..., m, n) to (..., n). RecognitionError for what is not
-    finite, or a ratio q / r below 0.
+    """Fuse m normalised responses: (..., m, n) to (..., n). RecognitionError for one not finite, or q / r below 0.
 
     >>> fuse([[1.0, 1.0, 1.0], [3.0, 3.0, 3.0]]).tolist()
     [2.0, 2.0, 2.0]

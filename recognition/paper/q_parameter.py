@@ -1,7 +1,5 @@
-"""Recognition by the fused parameter Q of the acceleration (Section V-A, Eq. 40).
-
-Q is the weighted sum of eight standardised parameters; a quadratic Q(beta) is fitted to
-the training runs and inverted for a new record.
+"""Recognition by the fused parameter Q of the acceleration (Section V-A, Eq. 40): the weighted sum of eight
+standardised parameters; a quadratic Q(beta) is fitted to the training runs and inverted for a new record.
 """
 
 from collections.abc import Callable
@@ -22,8 +20,8 @@ from recognition.estimation.noise import noisy_copies
 from recognition.paper.fusion import MinMaxByTrend, trend
 
 DEGREE = 2  # of Q(beta)
-#: A root counts from -margin to 1 + margin: noise puts a record of pure coal a little
-#: below 0 as often as above, and cutting there would bias the ends. Nothing is clipped.
+#: A root counts from -margin to 1 + margin: noise puts a record of pure coal a little below 0 as often as above, and
+#: cutting there would bias the ends. Nothing is clipped.
 ROOT_MARGIN = 0.05
 _GRID = np.linspace(-ROOT_MARGIN, 1 + ROOT_MARGIN, 111)
 _BISECTIONS = 40  # 0.01 of ratio halved 40 times: 1e-14
@@ -31,10 +29,7 @@ _BISECTIONS = 40  # 0.01 of ratio halved 40 times: 1e-14
 
 @dataclass(eq=False)
 class FusionQ(RecordEstimator):
-    """Q-polynomial recognition with equal weights, as in the paper; a method of recognition
-    (`recognition.estimation.method`).
-
-    X has the shape (runs, copies, p): `prepare` of each run's signals.
+    """Q-polynomial recognition with equal weights, as in the paper. X: (runs, copies, p), `prepare` of each run.
 
     >>> sweep, method = read_sweep("runs/paper"), FusionQ()
     >>> X = np.stack([method.prepare(run.signals) for run in sweep.runs])
@@ -97,8 +92,7 @@ def real_roots(function: Callable[[Integers, Floats], Floats], values: Floats) -
 
     function(k, beta): elementwise value of function number k at beta. Returns (k, beta) of every root, both shape (r,),
     in order of k, then beta: none, one or several for each k. Roots are bracketed on a grid of 0.01 of ratio and
-    bisected, so that any continuous form of fit will do; a pair of roots closer than the grid is no answer that one
-    could use, and is passed over.
+    bisected, so that any continuous form of fit will do; pairs closer than the grid are passed over.
     """
     values = np.asarray(values, dtype=float)
     above = function(np.arange(values.size)[:, None], _GRID[None, :]) - values[:, None] >= 0

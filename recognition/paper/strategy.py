@@ -5,26 +5,22 @@ the training runs: the function space. A record is recognised so: each moment's 
 candidate is put into the functions of all other moments; differences above the available coefficient xi are singular
 points and left out; the candidate with the smallest mean difference is the answer.
 
-Where the paper is silent, these rules hold:
-- a moment whose fit stays below the limit of R^2, or at which all training runs agree,
-  has no function and is left out of the space;
-- no real root in [-0.05, 1.05]: the moment gives no candidate;
-- several roots: each is a candidate;
-- a candidate with fewer than `least_share` of usable points is no answer; if none is left,
-  `NotRecognised` is raised and nothing is guessed.
-
-The paper offers polynomials, exponentials, logarithms and powers as functions. Here each is a
-polynomial a0 + a1 beta + ..., of a given degree, or of the lowest that reaches R^2.
+Where the paper is silent, these rules hold: each real root in [-0.05, 1.05] of a moment is a candidate; one with fewer
+than `least_share` of usable points is no answer. Of the functions that the paper offers, these are polynomials.
 """
 
 from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
+import pandas as pd
 
+from analysis.sweep.runs import Run
 from recognition.estimation.arrays import Booleans, Floats, Integers, finite, training
 from recognition.estimation.errors import NotRecognised, RecognitionError
-from recognition.estimation.method import Fitted
+from recognition.estimation.method import Fitted, RecordEstimator
+from recognition.estimation.noise import noisy_copies
+from recognition.paper.fusion import Fusion
 from recognition.paper.q_parameter import fit_polynomials, real_roots
 
 #: Judging standards. "mean", as published, is over the usable points only, so that a wrong candidate may win by having
@@ -75,7 +71,11 @@ class Rule:
     def fit(self, curves: Floats, ratios: Floats) -> FunctionSpace:
         """curves: shape (n, K); ratios: shape (n,). RecognitionError if no moment has a function."""
         curves, ratios = training(curves, ratios, 2)
-        low, high = self._degrees(np.unique(ratios).size)
+        low, wanted = (1, self.max_degree) if self.degree is None else (self.degree, self.degree)
+        different = np.unique(ratios).size
+        high = min(wanted, different - 2)  # one ratio more than coefficients, else R^2 = 1 says nothing
+        if high < low:
+            raise RecognitionError(f"{different} mixing ratios; this rule needs at least {low + 2}")
         moments = np.flatnonzero(np.ptp(curves, axis=0) >= FLAT)
         parameters, found = np.zeros((moments.size, high + 1)), np.zeros(moments.size, dtype=bool)
         for degree in range(low, high + 1):
@@ -87,14 +87,6 @@ class Rule:
             raise RecognitionError(f"no moment has a polynomial fit with R^2 >= {self.min_r2:g}")
         used = np.flatnonzero(parameters[found].any(axis=0)).max() + 1
         return FunctionSpace(curves.shape[1], moments[found], parameters[found, :used])
-
-    def _degrees(self, ratios: int) -> tuple[int, int]:
-        """The lowest and the highest that are tried. One ratio more than coefficients, else R^2 = 1 says nothing."""
-        low, wanted = (1, self.max_degree) if self.degree is None else (self.degree, self.degree)
-        high = min(wanted, ratios - 2)
-        if high < low:
-            raise RecognitionError(f"{ratios} mixing ratios; this rule needs at least {low + 2}")
-        return low, high
 
 
 @dataclass(frozen=True)
@@ -168,10 +160,45 @@ class Strategy(Fitted):
         usable[np.arange(ratio.size), source] = False  # a moment agrees with its own root by construction
         count, others = usable.sum(axis=1), max(1, values.size - 1)
         allowed = (count > 0) & (count / others >= self.least_share)
-        score = self._score(difference, usable, others)
+        if self.judge == "truncated":
+            score = np.minimum(difference, self.xi).sum(axis=1) / others
+        else:
+            score = np.where(usable, difference, 0.0).sum(axis=1) / np.maximum(count, 1)
         return Candidates(ratio, score, count / others, allowed, self.space_.moments[source])
 
-    def _score(self, difference: Floats, usable: Booleans, others: int) -> Floats:
-        if self.judge == "truncated":
-            return np.minimum(difference, self.xi).sum(axis=1) / others
-        return np.where(usable, difference, 0.0).sum(axis=1) / np.maximum(usable.sum(axis=1), 1)
+
+@dataclass(eq=False)
+class FusionPipeline(RecordEstimator):
+    """A fusion of plate responses and the strategy on its curve (Figure 38). X, of `prepare`: (runs, copies, m, n).
+
+    >>> sweep = read_sweep("runs/paper")
+    >>> pipeline = FusionPipeline(Fusion("energy"), Strategy(Rule(degree=2), judge="truncated"))
+    >>> X = np.stack([pipeline.prepare(run.signals) for run in sweep.runs])
+    >>> bool(abs(pipeline.fit(X, sweep.ratios).predict(X) - sweep.ratios).max() < 0.05)
+    True
+    """
+
+    fusion: Fusion = field(default_factory=Fusion)
+    strategy: Strategy = field(default_factory=Strategy)
+
+    def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
+        """Responses of a record and of its `noisy_copies`, shape (copies, m, n)."""
+        return np.stack([self.fusion.prepare(one) for one in noisy_copies(signals)])
+
+    def learn(self, features: Floats, ratios: Floats) -> Self:
+        """Fusion and function space, from responses (runs, m, n)."""
+        self.fusion.fit(features)
+        self.strategy.fit(self.fusion.transform(features), ratios)
+        return self
+
+    def transform(self, responses: Floats) -> Floats:
+        """Fusion curves QQ, shape (runs, n)."""
+        return self.fusion.transform(responses)
+
+    def ratio_of(self, features: Floats) -> float:
+        """By responses (m, n). Raises NotRecognised."""
+        return self.strategy.recognise(self.transform(features))
+
+    def summary(self) -> str:
+        space = self.strategy.space_
+        return f"functions at {space.moments.size} of {space.n_moments} moments"

@@ -2,11 +2,10 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from common.files.cache import user_cache
 from common.scene.plate import FlexiblePlate
 from recognition.estimation.arrays import Floats, Integers
 from recognition.estimation.calibration import LEAST_GROUPS, LIMIT_FACTOR, distance_limits, held_out, held_out_quantile
@@ -54,29 +53,9 @@ class PlateRecord:
     fall: Fall | None = None
 
 
-@dataclass(frozen=True)
-class ForceStatistics:
-    """What simulated stones show of their forces.
-
-    names, law, samples, scale, residual: as in `ArrangementModel`; damping_ratio: mean and standard deviation;
-    speed_m_s: least, greatest; place_deviation_m: standard deviation along x and y of where a stone touches the plate.
-    """
-
-    names: tuple[str, ...]
-    law: ForceLaw
-    samples: int
-    scale: Floats
-    residual: Floats
-    damping_ratio: tuple[float, float]
-    speed_m_s: tuple[float, float]
-    place_deviation_m: float
-    own_falls: bool
-
-
 def alike(X: Sequence[PlateRecord]) -> tuple[Integers, bool]:
     """Numbers of the records whose stones fall at once and on the places that most have; where no two are so, of all
-    with forces of as many stones, and True: places and arrivals are each record's own. RecognitionError if they are
-    few."""
+    with forces of as many stones, and True: places and arrivals are each record's own. RecognitionError for few."""
     falls = {k: x.force_record.fall for k, x in enumerate(X) if x.force_record is not None}
     places = {k: fall.place_m.round(6).tobytes() for k, fall in falls.items() if fall.at_once}
     own = not places or max(Counter(places.values()).values()) == 1
@@ -92,23 +71,25 @@ def alike(X: Sequence[PlateRecord]) -> tuple[Integers, bool]:
     return chosen, own
 
 
-def force_statistics(X: Sequence[PlateRecord], groups: Floats) -> tuple[ForceStatistics, ForceRecord]:
-    """From records and their groups, of those that `alike` chooses; and the force record of one of them."""
+def fit_model(X: Sequence[PlateRecord], groups: Floats) -> ArrangementModel:
+    """From records and groups, those that `alike` chooses, on the plate and places of the first. RecognitionError."""
     chosen, own = alike(X)
     forces = [record for k in chosen if (record := X[k].force_record) is not None]
     samples = used(max(float(force.fall.arrival_s.max()) for force in forces), 1 / forces[0].sample_s)
     signals = np.stack([X[k].signals[:, :samples] for k in chosen])
-    speed = np.array([force.speed_m_s for force in forces])
-    damping = np.array([force.plate.damping_ratio for force in forces])
-    scale = np.sqrt(np.mean(signals**2, axis=(0, 2)))
-    samples = signals.shape[2]
-    law = force_law(forces, groups[chosen], float(speed.mean()))
+    scale, samples = np.sqrt(np.mean(signals**2, axis=(0, 2))), signals.shape[2]
     left = [one - force.sampled[:, :samples] for one, force in zip(signals, forces, strict=True)]
     residual = np.sqrt(np.mean(np.square(left), axis=(0, 2))) / scale
-    deviation_m = np.sqrt(np.mean([np.square(force.touch_m - force.fall.place_m) for force in forces]))
-    return ForceStatistics(X[chosen[0]].names, law, samples, scale, np.hypot(residual, LEAST_RESIDUAL),
-                           _mean_and_deviation(damping), (float(speed.min()), float(speed.max())), float(deviation_m),
-                           own), forces[0]
+    speed = np.array([force.speed_m_s for force in forces])
+    damping_ratio, damping_deviation = _mean_and_deviation(np.array([force.plate.damping_ratio for force in forces]))
+    deviation_m = float(np.sqrt(np.mean([np.square(force.touch_m - force.fall.place_m) for force in forces])))
+    law, record = force_law(forces, groups[chosen], float(speed.mean())), forces[0]
+    record = replace(record, plate=record.plate.model_copy(update={"damping_ratio": damping_ratio}))
+    hat, scatter = _responses(record, law, scale, damping_deviation, deviation_m)
+    return ArrangementModel(X[chosen[0]].names, scale, np.hypot(residual, LEAST_RESIDUAL), record.step_s, record.stride,
+                            samples, hat, steps_per_bin(record), law, scatter, record.plate.model_dump_json(),
+                            record.fall.place_m, deviation_m, damping_deviation, own, float(speed.min()),
+                            float(speed.max()), record.anti_alias)
 
 
 def _mean_and_deviation(values: Floats) -> tuple[float, float]:
@@ -116,41 +97,30 @@ def _mean_and_deviation(values: Floats) -> tuple[float, float]:
     return (float(values.mean()), float(values.std())) if np.ptp(values) > 0 else (float(values[0]), 0.0)
 
 
-def fit_model(X: Sequence[PlateRecord], groups: Floats) -> ArrangementModel:
-    """From records and their groups. Raises RecognitionError."""
-    return model_on(*force_statistics(X, groups))
-
-
-def model_on(statistics: ForceStatistics, record: ForceRecord) -> ArrangementModel:
-    """On the plate and places of a force record."""
-    deviation_m = statistics.place_deviation_m
-    plate = record.plate.model_copy(update={"damping_ratio": statistics.damping_ratio[0]})
-    hat = _hat_response(statistics, record)
-    scatter, mean_force = list[Floats](), statistics.law.mean_force
-    if statistics.damping_ratio[1] > 0:
-        more = _hat_response(statistics, record, damping_ratio=sum(statistics.damping_ratio)) - hat
-        scatter.append(_scatter_by_damping(*(response_to(more, _forces(record, one)) for one in mean_force)))
-    for moved_m in ((SMALL_M, 0.0), (0.0, SMALL_M)) if deviation_m else ():
-        slope = (_hat_response(statistics, record, moved_m) - hat) / SMALL_M
-        scatter.append(deviation_m * response_to(slope, _forces(record, mean_force.mean(axis=0))))
-    return ArrangementModel(statistics.names, statistics.scale, statistics.residual, record.step_s, record.stride,
-                            statistics.samples, hat, steps_per_bin(record), statistics.law, scatter,
-                            plate.model_dump_json(), record.fall.place_m, deviation_m, statistics.damping_ratio[1],
-                            statistics.own_falls, *statistics.speed_m_s, record.anti_alias)
-
-
 def told(model: ArrangementModel, fall: Fall) -> ArrangementModel:
     """The model where stones fall as told. RecognitionError for another number of them."""
     if len(fall.place_m) != model.stones:
         raise RecognitionError(f"{len(fall.place_m)} stones; the model has {model.stones}")
-    plate = FlexiblePlate.model_validate_json(model.plate_json)
     silent = np.zeros((model.stones, model.hat.shape[1]))
-    record = ForceRecord(plate, user_cache(), fall, fall.place_m, model.law.middle_m_s, model.stride * model.step_s,
-                         model.step_s, silent, np.zeros(model.stones, dtype=bool), model.anti_alias)
-    return model_on(ForceStatistics(
-        model.names, model.law, model.samples, model.scale, model.residual,
-        (plate.damping_ratio, model.damping_deviation), (model.low_m_s, model.high_m_s),
-        model.place_deviation_m, True), record)
+    record = ForceRecord(FlexiblePlate.model_validate_json(model.plate_json), fall, fall.place_m, model.law.middle_m_s,
+                         model.stride * model.step_s, model.step_s, silent, np.zeros(model.stones, dtype=bool),
+                         model.anti_alias)
+    hat, scatter = _responses(record, model.law, model.scale, model.damping_deviation, model.place_deviation_m)
+    return replace(model, hat=hat, scatter=scatter, place_m=fall.place_m)
+
+
+def _responses(record: ForceRecord, law: ForceLaw, scale: Floats, damping_deviation: float,
+               deviation_m: float) -> tuple[Floats, list[Floats]]:
+    """`hat` and `scatter` of an `ArrangementModel`, on the plate and places of a record."""
+    hat, damping_ratio = _hat_response(record, scale), record.plate.damping_ratio
+    scatter, mean_force = list[Floats](), law.mean_force
+    if damping_deviation > 0:
+        more = _hat_response(record, scale, damping_ratio + damping_deviation) - hat
+        scatter.append(_scatter_by_damping(*(response_to(more, _forces(record, one)) for one in mean_force)))
+    for moved_m in ((SMALL_M, 0.0), (0.0, SMALL_M)) if deviation_m else ():
+        slope = (_hat_response(record, scale, damping_ratio, moved_m) - hat) / SMALL_M
+        scatter.append(deviation_m * response_to(slope, _forces(record, mean_force.mean(axis=0))))
+    return hat, scatter
 
 
 def used(latest_s: float, rate_Hz: float) -> int:
@@ -166,22 +136,21 @@ def _scatter_by_damping(coal: Floats, gangue: Floats) -> Floats:
 
 
 def _forces(record: ForceRecord, force: Floats) -> Floats:
-    """Impulses (steps, 1) of a hat each, a force (bins,) over all steps of a record, to convolve the
-    response to a hat with."""
+    """Impulses (steps, 1) of a hat each, a force (bins,) over a record, to convolve with the response to a hat."""
     impulses, width = np.zeros((record.force_N.shape[1], 1)), steps_per_bin(record)
     impulses[:width * len(force):width, 0] = force
     return impulses
 
 
-def _hat_response(statistics: ForceStatistics, record: ForceRecord, moved_m: tuple[float, float] = (0.0, 0.0),
-                  damping_ratio: float | None = None) -> Floats:
+def _hat_response(record: ForceRecord, scale: Floats, damping_ratio: float | None = None,
+                  moved_m: tuple[float, float] = (0.0, 0.0)) -> Floats:
     """Responses (channels, steps, stones) to a force in the first bin on each place, each channel in shares of its
     scale. The plate does not change with time: the other bins' are the same, later."""
-    damping_ratio = statistics.damping_ratio[0] if damping_ratio is None else damping_ratio
-    response = pulse_force_response(record, bins_of(record)[:, 0], damping_ratio, moved_m)
+    excitation = record.excitation(record.plate.damping_ratio if damping_ratio is None else damping_ratio, moved_m)
+    response = pulse_force_response(tuple(bins_of(record)[:, 0].tolist()), excitation)
     late = np.round(record.fall.arrival_s / record.step_s).astype(int)
     shifted = [np.pad(response[:, :, k], ((0, 0), (n, 0)))[:, :response.shape[1]] for k, n in enumerate(late)]
-    return np.stack(shifted, axis=2) / statistics.scale[:, None, None]
+    return np.stack(shifted, axis=2) / scale[:, None, None]
 
 
 def distance_reference(X: Sequence[PlateRecord], y: Floats, groups: Floats) -> tuple[ExpectedMisfit, Floats, float]:

@@ -7,11 +7,10 @@ The plate is linear, so a record x is the sum of the plate's responses to the fo
 G_i is the response to a unit force on place i (plate_fem/motion.py); u_i and a_i are normally distributed, by the law
 of the stone's material (recognition.physics.force_law). e is what the law leaves of the forces, the residual of the
 plate's model on simulated records, and the noise of the sensors. Ten stones have 1024 arrangements. The likelihood of
-each is an integral over all u_i and a_i, found by Laplace's method: the integrand is a normal density about its
-largest value (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapter 27), which Gauss and
-Newton's steps seek. The sum over all arrangements of one ratio gives the probability of that ratio, all ratios being
-equally likely beforehand. An impact speed that varied in training is summed over; a damping that varied adds to the
-covariance of e. So is the moment of the impact, which a trigger does not tell to some microseconds.
+each is an integral over all u_i and a_i, found by Laplace's method (recognition.physics.near_record). The sum over all
+arrangements of one ratio gives the probability of that ratio, all ratios being equally likely beforehand. An impact
+speed that varied in training is summed over, as is the moment of the impact, which a trigger does not tell to some
+microseconds; a damping that varied adds to the covariance of e.
 
 Two neighbours that swap their materials give nearly the same record: the bending wave with a hill on one place and a
 valley on the next has over 10 kHz, and the spectrum of a stone's force ends at about 4 kHz. Arrangements with nearly
@@ -21,7 +20,7 @@ Discrete Inverse Problems, 2010).
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from itertools import product
 from math import comb
 
@@ -165,14 +164,9 @@ class ArrangementModel:
         return [fftconvolve(one, low_pass(self.stride)[0][None, :, None], axes=1) for one in every]
 
     @cached_property
-    def _kept(self) -> dict[float, RecordLaw]:
-        return {}
-
-    def law_at(self, shift: float) -> RecordLaw:
-        """Law of records that begin `shift` steps after the impact."""
-        if shift not in self._kept:
-            self._kept[shift] = self._law_at(shift)
-        return self._kept[shift]
+    def law_at(self) -> Callable[[float], RecordLaw]:
+        """Law of records that begin so many steps after the impact; all of them are kept."""
+        return cache(self._law_at)
 
     def _law_at(self, shift: float) -> RecordLaw:
         hat, *scatter = self._taken
@@ -191,9 +185,8 @@ class ArrangementModel:
 
     def estimate(self, signals: Floats, noise: Floats, speed_m_s: float | None = None,
                  arrival_s: float | None = None, channels: Integers | None = None) -> ArrangementEstimate:
-        """Of one record: signals (m, samples), standard deviation of each sensor's noise (m,), the impact speed and the
-        time of the impact, from the record's beginning, where they are known, and which channels of the model the m
-        are."""
+        """Of one record: signals (m, samples), standard deviation of each sensor's noise (m,), speed and time of the
+        impact, from the record's beginning, where they are known, and which channels of the model the m are."""
         rows = np.arange(len(self.scale)) if channels is None else np.asarray(channels)
         x, noise = signals / self.scale[rows, None], noise / self.scale[rows]
         speeds = self._speeds_m_s() if speed_m_s is None else np.array([speed_m_s])
@@ -219,8 +212,7 @@ class ArrangementModel:
                                    -float(shifts[best]) * self.step_s)
 
     def _arrivals(self, least: Callable[[float], float]) -> Floats:
-        """Shifts about the most probable one, which is sought first in wide steps, then in narrower ones about the best
-        of these."""
+        """Shifts about the most probable one, which is sought in wide steps, then in narrower ones about the best."""
         latest = float(self.latest)
         coarse = sorted(np.arange(-latest, latest + 1, COARSE).tolist(), key=least)[:SOUGHT]
         near = {shift + k for shift in coarse for k in range(-COARSE // 2, COARSE // 2 + 1) if abs(shift + k) <= latest}

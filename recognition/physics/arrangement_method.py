@@ -1,5 +1,4 @@
-"""The likelihood of all arrangements as a method of recognition, on the plate of the training or on one that was learnt
-by tapping.
+"""The likelihood of all arrangements as a method, on the plate of the training or one learnt by tapping.
 
 There the law of the stones' forces stays. Of the plate's responses, the part of the modes up to the highest frequency
 that was learnt is that of the learnt modes; what modes above it add stays that of the finite elements. Each mode's
@@ -40,9 +39,8 @@ LOST = 1e-6  # of the power of all that scatters, that is left out
 
 @dataclass
 class ArrangementLikelihood:
-    """Recognition by the likelihood of every arrangement of stones on known places
-    (`recognition.estimation.method`). exact_trigger: records begin as those of the simulation, with all stones just
-    above the plate; otherwise the moment of the impact is sought."""
+    """Recognition by the likelihood of every arrangement of stones on known places. exact_trigger: records begin as
+    those of the simulation, with all stones just above the plate; otherwise the moment of the impact is sought."""
 
     exact_trigger: bool = False
     model_: ArrangementModel = field(init=False, repr=False)
@@ -52,7 +50,7 @@ class ArrangementLikelihood:
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> PlateRecord:
         """The beginning of one record, and the forces of the stones where the run has them."""
-        names, values = channel_names(signals.columns, "plate"), channels_of(signals, "plate")
+        names, values = channel_names(signals.columns, rods=True), channels_of(signals, rods=True)
         rate_Hz = sample_rate_Hz(signals["t_s"].to_numpy(dtype=float), "record")
         least = 4 * used(0.0, rate_Hz)
         if values.shape[1] < least:
@@ -63,8 +61,7 @@ class ArrangementLikelihood:
     def fit(self, X: Sequence[PlateRecord], y: Floats, *, groups: Groups | None = None,
             nuisance: pd.DataFrame | None = None) -> Self:
         """Train on the runs that have force records, stones that fall at once, and the places that most have. The
-        conditions are those of the force records. RecognitionError where these runs, or the different stones in them,
-        are too few."""
+        conditions are those of the force records. RecognitionError for too few of these or of their stones."""
         keys = np.asarray(y if groups is None else groups)
         self.model_ = fit_model(X, keys)
         self.expected_, self.limits_, self.error_ = distance_reference(X, np.asarray(y), keys)
@@ -82,19 +79,12 @@ class ArrangementLikelihood:
         other.model_ = on_plate(self.model_, plate)
         return other
 
-    @property
-    def _arrival_s(self) -> float | None:
-        return 0.0 if self.exact_trigger else None
-
     def answer(self, X: Sequence[PlateRecord]) -> list[Answer]:
-        @cache
-        def search() -> FallSearch:
-            return FallSearch.of(self.model_, LATEST_FALL_S)
-
+        search = cache(lambda: FallSearch.of(self.model_, LATEST_FALL_S))
         return [self._answer(x, search) for x in X]
 
     def _answer(self, x: PlateRecord, search: Callable[[], FallSearch]) -> Answer:
-        model, arrival_s = self.model_, self._arrival_s
+        model, arrival_s = self.model_, 0.0 if self.exact_trigger else None
         if x.signals.shape[1] < model.samples:
             raise RecognitionError(f"{x.signals.shape[1]} samples; the model has {model.samples}")
         known = model.names

@@ -21,8 +21,8 @@ from common.scene.plate import FlexiblePlate
 from recognition.estimation.arrays import Floats, Integers
 from recognition.physics.arrangement_likelihood import LATEST_S, ArrangementModel
 from recognition.physics.force_records import Fall
-from recognition.physics.seen import SLOPES, Seen
-from recognition.plate.plate_model import PlateModel, modal_steps
+from recognition.physics.seen import Seen
+from recognition.plate.plate_model import SLOPES, PlateModel, modal_steps
 
 COMPONENTS, WIDEST = 8, 4.0  # of what scatters; standard deviations that a coefficient has at most
 GRID_M, GRID_S = 0.02, 4e-5  # on which a stone is put first
@@ -48,8 +48,7 @@ class FallSearch:
 
     @classmethod
     def of(cls, model: ArrangementModel, latest_s: float) -> Self:
-        """For records of a model, whose stones arrive from LATEST_S before the beginning until latest_s, and HEARD_S
-        before the end."""
+        """For records of a model, whose stones arrive from -LATEST_S until latest_s, and HEARD_S before the end."""
         plate = FlexiblePlate.model_validate_json(model.plate_json)
         assert plate.max_frequency_Hz is not None
         seen = Seen(PlateModel.from_scene(plate, plate.max_frequency_Hz), model)
@@ -175,8 +174,7 @@ class _Fit:
         return min(found, key=lambda one: one[1])
 
     def one_more(self, stones: Floats) -> Floats:
-        """(TRIED, numbers): stones with the mean force, of any size, that explain most of what is left, no two near
-        each other."""
+        """(TRIED, numbers): stones with the mean force, of any size, that explain most of what is left, far apart."""
         left, slopes = self._of(stones)
         known = np.linalg.qr(slopes)[0]
         left = left - known @ (known.T @ left)
@@ -192,8 +190,7 @@ class _Fit:
         return np.pad(found, ((0, 0), (0, self.search.motion.shape[1] - 1)))
 
     def fitted(self, stones: Floats) -> tuple[Floats, float]:
-        """The stones after a fit of all their numbers, and the mean square of what they leave, of one where it is
-        noise."""
+        """The stones after a fit of all numbers, and the mean square of what they leave, 1 where it is noise."""
         numbers, count = stones.shape[1], len(stones)
         coefficients = np.tile(np.arange(numbers) >= FIRST, count)
         kept: dict[bytes, tuple[Floats, Floats]] = {}

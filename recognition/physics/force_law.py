@@ -63,8 +63,7 @@ class ForceLaw:
 
     @property
     def weights(self) -> tuple[Floats, Floats]:
-        """Mean (2, k) and covariance (2, k, k) of the weights e^u (1, a ...) of the forms at the middle speed, by the
-        moments of a log-normal distribution."""
+        """Mean (2, k) and covariance (2, k, k) of the forms' weights e^u (1, a ...) at the middle speed, log-normal."""
         u, of_u = self.mean[:, 0, 0], self.covariance[:, 0, 0]
 
         def beside(times: int) -> Floats:
@@ -96,8 +95,7 @@ def of_either(mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
 
 
 def hats(width: int, steps: int, count: int) -> Floats:
-    """Hat functions (steps, count) of time, each of which rises over `width` steps and falls as long, `width` steps
-    after the one before."""
+    """Hat functions (steps, count) of time, which rise over `width` steps and fall as long, `width` steps apart."""
     middle = (np.arange(count) + 1) * width
     return np.asarray(np.maximum(0.0, 1 - np.abs(np.arange(steps)[:, None] + 0.5 - middle) / width))
 
@@ -119,8 +117,7 @@ def _to_bins(width: int, steps: int, count: int) -> Floats:
 
 
 def force_law(records: list[ForceRecord], groups: Floats, middle_m_s: float) -> ForceLaw:
-    """Of all stones that touched the plate. A group's stones are the same in all its runs. RecognitionError for too
-    few different ones."""
+    """Of all stones that touched the plate. A group's stones are those of all its runs. RecognitionError for few."""
     width = steps_per_bin(records[0])
     to_bins = _to_bins(width, *bins_of(records[0]).shape)
     forces, beyond, counts = [], [], []

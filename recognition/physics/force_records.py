@@ -1,9 +1,7 @@
-"""What a simulated run shows besides its record: the force of each stone on the plate, and what the plate's model makes
-of it."""
+"""What a simulated run shows besides its record: the force of each stone, and what the plate's model makes of it."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from pathlib import Path
 
 import numpy as np
 from scipy.signal import fftconvolve, resample_poly
@@ -22,8 +20,8 @@ from recognition.estimation.arrays import Booleans, Floats
 
 Places = tuple[tuple[float, ...], ...]
 #: Plate as JSON, where the stones fall, how far off they touch, which places have residual modes, interval and number
-#: of steps, directory of modes.
-Excitation = tuple[str, Places, Places, Places, float, int, Path | None]
+#: of steps.
+Excitation = tuple[str, Places, Places, Places, float, int]
 
 
 @dataclass(frozen=True)
@@ -46,11 +44,10 @@ class ForceRecord:
     fall: where and when the stones fall; touch_m (stones, 2): where they touch the plate first, which is some
     millimetres off where a stone touches with its sub-spheres; sample_s: interval between samples of the run's record;
     force_N (stones, steps): means over steps of step_s from t = 0 on; gangue (stones,): which stones are gangue;
-    modes_dir: where the plate's modes are kept; anti_alias: the run's record passed a low pass before it was sampled.
+    anti_alias: the run's record passed a low pass before it was sampled.
     """
 
     plate: FlexiblePlate
-    modes_dir: Path | None
     fall: Fall
     touch_m: Floats
     speed_m_s: float
@@ -67,9 +64,8 @@ class ForceRecord:
 
     @cached_property
     def modelled(self) -> Floats:
-        """What the plate's model makes of these forces, shape (channels, steps): accelerometers, then rods, each by
-        name."""
-        unit = unit_force_response(self, self.plate.damping_ratio, self.touch_m - self.fall.place_m)
+        """What the plate's model makes of these forces (channels, steps): accelerometers, then rods, by name."""
+        unit = unit_force_response(*self.excitation(self.plate.damping_ratio, self.touch_m - self.fall.place_m))
         return response_to(unit, self.force_N.T).sum(axis=2)
 
     @property
@@ -83,6 +79,14 @@ class ForceRecord:
         """Forces (stones, steps), each from the stone's arrival on."""
         late = np.round(self.fall.arrival_s / self.step_s).astype(int)
         return np.stack([np.concatenate([row[k:], np.zeros(k)]) for row, k in zip(self.force_N, late, strict=True)])
+
+    def excitation(self, damping_ratio: float, moved_m: Floats | tuple[float, float]) -> Excitation:
+        """Of the plate, with this damping ratio, on the stones' places, displaced by moved_m (2,) or (stones, 2)."""
+        plate = self.plate.model_copy(update={"damping_ratio": float(damping_ratio)})
+        places, moved = (tuple(map(tuple, m)) for m in np.broadcast_arrays(self.fall.place_m, moved_m))
+        # To find residual modes takes seconds: places that one record alone has are without.
+        residual = places if self.fall.at_once else ()
+        return plate.model_dump_json(), places, moved, residual, self.step_s, self.force_N.shape[1]
 
 
 def fall_of(run: Run) -> Fall:
@@ -109,7 +113,7 @@ def force_record_of(run: Run, duration_s: float, sample_s: float | None = None) 
     stones = run.scene.stones
     if stones.speed_m_s is None:
         raise RecordError(f"{run.path}/run.json: scene.stones.speed_m_s = None; needs a number")
-    return ForceRecord(flexible_plate(run), user_cache(), fall, _touches_of(run, fall.place_m), stones.speed_m_s,
+    return ForceRecord(flexible_plate(run), fall, _touches_of(run, fall.place_m), stones.speed_m_s,
                        sample_s or 1 / run.rate_Hz, step_s, table[forces][1:steps + 1].to_numpy(dtype=float).T,
                        np.array(run.materials) == "gangue", run.scene.time.anti_alias)
 
@@ -123,46 +127,25 @@ def _touches_of(run: Run, place_m: Floats) -> Floats:
     return np.where(np.isfinite(touch_m), touch_m, place_m)
 
 
-def unit_force_response(record: ForceRecord, damping_ratio: float,
-                        moved_m: Floats | tuple[float, float] = (0.0, 0.0)) -> Floats:
-    """Response of each channel to a force of 1 N during the first step on each stone's place, displaced by moved_m (2,)
-    or (stones, 2), shape (channels, steps, stones)."""
-    return _unit_force_response(*_hashable(record, damping_ratio, moved_m))
-
-
-def pulse_force_response(record: ForceRecord, pulse_N: Floats, damping_ratio: float,
-                         moved_m: tuple[float, float] = (0.0, 0.0)) -> Floats:
-    """The same to a force of pulse_N (k,) during the first k steps, which is kept: the models of all folds take it."""
-    return _pulse_force_response(tuple(pulse_N.tolist()), _hashable(record, damping_ratio, moved_m))
-
-
-def _hashable(record: ForceRecord, damping_ratio: float, moved_m: Floats | tuple[float, float]) -> Excitation:
-    moved = np.broadcast_to(moved_m, record.fall.place_m.shape)
-    plate = record.plate.model_copy(update={"damping_ratio": float(damping_ratio)})
-    places = tuple(map(tuple, record.fall.place_m))
-    # To find residual modes takes seconds: places that one record alone has are without.
-    residual = places if record.fall.at_once else ()
-    return (plate.model_dump_json(), places, tuple(map(tuple, moved)), residual, record.step_s,
-            record.force_N.shape[1], record.modes_dir)
-
-
 def response_to(unit_response: Floats, force_N: Floats) -> Floats:
     """Responses (channels, steps, stones) to forces (steps, stones) or, the same on every place, (steps, 1)."""
     return fftconvolve(unit_response, force_N[None], axes=1)[:, :unit_response.shape[1]]
 
 
 @lru_cache(maxsize=16)
-def _pulse_force_response(pulse_N: tuple[float, ...], excitation: Excitation) -> Floats:
-    unit = _unit_force_response(*excitation)
+def pulse_force_response(pulse_N: tuple[float, ...], excitation: Excitation) -> Floats:
+    """`unit_force_response` to a force of pulse_N in the first steps, kept for the models of all folds."""
+    unit = unit_force_response(*excitation)
     force_N = np.zeros((unit.shape[1], 1))
     force_N[:len(pulse_N), 0] = pulse_N
     return response_to(unit, force_N)
 
 
 @lru_cache(maxsize=64)
-def _unit_force_response(plate_json: str, places: Places, moved_m: Places, residual: Places, step_s: float, steps: int,
-                         modes_dir: Path | None) -> Floats:
-    plate, modes, amplitude, acceleration = _pulse(plate_json, residual, step_s, steps, modes_dir)
+def unit_force_response(plate_json: str, places: Places, moved_m: Places, residual: Places, step_s: float,
+                        steps: int) -> Floats:
+    """Response of each channel to a force of 1 N during the first step on each place (channels, steps, stones)."""
+    plate, modes, amplitude, acceleration = _pulse(plate_json, residual, step_s, steps)
     down = -np.hstack(list(modes.shapes_at(np.array(places) + np.array(moved_m))))  # a little beyond an edge, too
     sensors = sorted(plate.accelerometers, key=lambda sensor: sensor_column(sensor.name))  # as sorted columns are
     at_sensors = modes.shape_at(np.array([[s.x_m, s.y_m] for s in sensors]))
@@ -171,12 +154,12 @@ def _unit_force_response(plate_json: str, places: Places, moved_m: Places, resid
 
 
 @lru_cache(maxsize=8)
-def _pulse(plate_json: str, residual: Places, step_s: float, steps: int,
-           modes_dir: Path | None) -> tuple[FlexiblePlate, PlateModes, Floats, Floats]:
+def _pulse(plate_json: str, residual: Places, step_s: float,
+           steps: int) -> tuple[FlexiblePlate, PlateModes, Floats, Floats]:
     """A plate, its modes, and their amplitudes and accelerations (steps, n) under a unit modal force in the first step,
     which are the same wherever it acts."""
     plate = FlexiblePlate.model_validate_json(plate_json)
-    modes = plate_modes(plate, modes_dir, np.array(residual).reshape(-1, 2))
+    modes = plate_modes(plate, user_cache(), np.array(residual).reshape(-1, 2))
     amplitude, _, acceleration = pulse_response(modes, step_s, steps)
     return plate, modes, amplitude, acceleration
 

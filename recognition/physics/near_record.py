@@ -24,8 +24,7 @@ LIKELY = 100  # arrangements, the best, about whose own numbers signals are line
 class NearRecord:
     """A record and the responses to the forms of the force on each place, in units of what no number explains: power:
     square of the record; along (stones, k), gram (stones, k, stones, k): products of the responses with the record and
-    with each other; numbers (stones, k): which explain it best; log_determinant: of the covariance of what no number
-    explains."""
+    with each other; numbers (stones, k): which explain it best; log_determinant: of the rest's covariance."""
 
     power: float
     along: Floats
@@ -72,10 +71,9 @@ class NearRecord:
         return numbers
 
     def integrals(self, means: Floats, covariance: Floats, which: Integers) -> tuple[Floats, Floats]:
-        """Of each arrangement `which` (m, stones) of two materials, whose numbers have one of the means (v, 2, k) and
-        a covariance (2, k, k): least chi-square (v, m) of record and numbers together, and logarithm (v, m) of the
-        ratio of the volumes after and before, squared. Minus twice the logarithm of the likelihood is their sum with
-        log_determinant."""
+        """Of each arrangement `which` (m, stones) of two materials, whose numbers have one of the means (v, 2, k) and a
+        covariance (2, k, k): least chi-square (v, m) of record and numbers together, and logarithm (v, m) of the ratio
+        of the volumes after and before, squared. Minus twice the log likelihood is their sum with log_determinant."""
         chi_square, curved = self._about_any(means, covariance, which)
         before = np.linalg.slogdet(covariance)[1][which].sum(axis=1)
         volume = np.tile(np.linalg.slogdet(curved)[1] + before, (len(means), 1))

@@ -10,9 +10,7 @@ from common.channels import rod_column, sensor_column
 from recognition.estimation.arrays import Booleans, Floats
 from recognition.physics.arrangement_likelihood import ArrangementModel
 from recognition.physics.force_law import hats
-from recognition.plate.plate_model import PlateModel, modal_steps
-
-SLOPES = ((1, 0), (0, 1))  # derivatives by x and by y
+from recognition.plate.plate_model import SLOPES, PlateModel, modal_steps
 
 
 def columns_of(plate: PlateModel) -> dict[str, tuple[Floats, bool]]:
@@ -55,8 +53,7 @@ class Seen:
         return np.where(self.is_rod[:, None, None], amplitude.T, acceleration.T)
 
     def down(self, place_m: Floats, slope: tuple[int, int] = (0, 0)) -> Floats:
-        """(stones, n): a mode's share of a force downwards at each place, or its derivative of these orders by x and y,
-        per metre."""
+        """(stones, n): a mode's share of a force downwards at each place, or its derivative of these orders, 1/m."""
         return -self.plate.shape(place_m[:, 0], place_m[:, 1], slope)
 
     def hat(self) -> Floats:

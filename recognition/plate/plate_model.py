@@ -2,11 +2,10 @@
 motion of modes under forces that are constant over each sample interval.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from scipy.interpolate import NdBSpline, make_interp_spline
@@ -25,6 +24,7 @@ from recognition.estimation.errors import RecognitionError
 
 LINES_PER_WAVELENGTH = 20  # of the grid of shapes; its cubic splines then err by at most 1e-3 of the largest shape
 FORMAT = "plate model 1"
+SLOPES = ((1, 0), (0, 1))  # of `PlateModel.shape`: by x and by y
 WITHOUT_SIGN = ("frequency_Hz", "damping_ratio", "frequency_sd", "damping_sd", "shape_sd")
 
 
@@ -100,7 +100,8 @@ class PlateModel(ByValue):
         wavenumber = bending_wavenumber(plate, max_frequency_Hz, choose_theory(plate))
         lines_x, lines_y = (_lines(side, wavenumber) for side in plate.size_m)
         sensor_m = np.array([[sensor.x_m, sensor.y_m] for sensor in sensors])
-        grid = modes.shape_at(_points(lines_x, lines_y)).reshape(len(lines_x), len(lines_y), m)
+        x_m, y_m = np.meshgrid(lines_x, lines_y, indexing="ij")
+        grid = modes.shape_at(np.column_stack([x_m.ravel(), y_m.ravel()])).reshape(*x_m.shape, m)
         return cls(modes.frequency_Hz, modes.damping_ratio, tuple(sensor.name for sensor in sensors), sensor_m,
                    modes.shape_at(sensor_m), modes.rod_force, lines_x, lines_y, grid, np.full(m, frequency_sd),
                    np.full(m, damping_sd), np.full(m, shape_sd), float(max_frequency_Hz))
@@ -147,14 +148,11 @@ class PlateModel(ByValue):
         """
         if not 0 < sample_rate_Hz < np.inf:
             raise RecognitionError(f"sample_rate_Hz = {sample_rate_Hz:g}; must be finite and > 0")
-        acceleration = modal_steps(self, self._modal_force(force_N, places_m), sample_rate_Hz)[2]
-        return np.asarray(self.sensor_shape @ acceleration, float)
-
-    def _modal_force(self, force_N: Floats, places_m: Floats) -> Floats:
         places, force = (np.atleast_2d(finite(*given, 1)) for given in (("places_m", places_m), ("force_N", force_N)))
         if places.shape != (len(force), 2):
             raise RecognitionError(f"{len(force)} forces for places of shape {places.shape}; needs (x, y) of each")
-        return np.asarray(-self.shape(places[:, 0], places[:, 1]).T @ force, float)
+        modal_force = -self.shape(places[:, 0], places[:, 1]).T @ force
+        return np.asarray(self.sensor_shape @ modal_steps(self, modal_force, sample_rate_Hz)[2], float)
 
     def save(self, file: str | Path) -> None:
         """Write a JSON file, sealed by its hash."""
@@ -169,21 +167,17 @@ class PlateModel(ByValue):
             content = read_sealed_json(Path(file))
         if content is None:
             raise RecognitionError(f"{file}: no such file")
-        return _decoded(cls, content, Path(file))
-
-
-def _decoded(cls: Any, content: dict[str, Any], file: Path) -> Any:
-    names = {field.name for field in fields(PlateModel)}
-    if content.pop("format", None) != FORMAT or set(content) - {"sha256"} != names:
-        raise RecognitionError(f"{file}: not a plate model of this version; `gangue tap` writes one")
-    try:
-        kept = {"sensor_names": tuple(map(str, content["sensor_names"])),
-                "max_frequency_Hz": float(content["max_frequency_Hz"])}
-        arrays = {name: np.array(content[name], float) for name in names - set(kept)}
-        arrays["rod_force_N_m"] = arrays["rod_force_N_m"].reshape(-1, arrays["frequency_Hz"].size)
-        return cls(**arrays | kept)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise RecognitionError(f"{file}: no plate model: {error}") from None
+        names = {field.name for field in fields(cls)}
+        if content.pop("format", None) != FORMAT or set(content) - {"sha256"} != names:
+            raise RecognitionError(f"{file}: not a plate model of this version; `gangue tap` writes one")
+        try:
+            kept: dict[str, Any] = {"sensor_names": tuple(map(str, content["sensor_names"])),
+                                    "max_frequency_Hz": float(content["max_frequency_Hz"])}
+            arrays = {name: np.array(content[name], float) for name in names - set(kept)}
+            arrays["rod_force_N_m"] = arrays["rod_force_N_m"].reshape(-1, arrays["frequency_Hz"].size)
+            return cls(**arrays | kept)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise RecognitionError(f"{file}: no plate model: {error}") from None
 
 
 def _lines(side_m: float, wavenumber_1_m: float) -> Floats:
@@ -192,33 +186,18 @@ def _lines(side_m: float, wavenumber_1_m: float) -> Floats:
     return np.linspace(-side_m / 2, side_m / 2, cells + 1)
 
 
-def _points(x_m: Floats | Sequence[float], y_m: Floats | Sequence[float]) -> Floats:
-    x, y = np.meshgrid(x_m, y_m, indexing="ij")
-    return np.column_stack([x.ravel(), y.ravel()])
-
-
-class Modes(Protocol):
-    """frequency_Hz, damping_ratio (m,)."""
-
-    @property
-    def frequency_Hz(self) -> Floats: ...
-    @property
-    def damping_ratio(self) -> Floats: ...
-
-
-def modal_steps(modes: Modes, force: Floats, sample_rate_Hz: float) -> tuple[Floats, Floats, Floats]:
+def modal_steps(plate: PlateModel, force: Floats, sample_rate_Hz: float) -> tuple[Floats, Floats, Floats]:
     """Amplitude, rate and acceleration (m, t) under modal forces (m, t), N kg^-1/2, from rest.
 
-    Force k lasts from k to k + 1 sample intervals; results k belong to k intervals. Where the force jumps the
-    acceleration is the mean of both sides.
+    Force k lasts from k to k + 1 sample intervals; results k belong to k intervals, where a jump counts half.
     """
     amplitude, rate = np.empty_like(force), np.empty_like(force)
-    omega = 2 * np.pi * modes.frequency_Hz
-    for k, (w, zeta) in enumerate(zip(omega, modes.damping_ratio, strict=True)):
+    omega = 2 * np.pi * plate.frequency_Hz
+    for k, (w, zeta) in enumerate(zip(omega, plate.damping_ratio, strict=True)):
         step = _rigid if w == 0 else _ringing
         amplitude[k], rate[k] = step(force[k], w, zeta, 1 / sample_rate_Hz)
     before = np.concatenate([np.zeros((len(force), 1)), force[:, :-1]], axis=1)
-    decay = 2 * (modes.damping_ratio * omega)[:, None]
+    decay = 2 * (plate.damping_ratio * omega)[:, None]
     return amplitude, rate, (force + before) / 2 - decay * rate - omega[:, None] ** 2 * amplitude
 
 

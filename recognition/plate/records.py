@@ -45,8 +45,7 @@ def record_table(path: str | Path, scale: float = 1.0, unit: str | None = None) 
 
 
 def known_unit(source: str, scale: float, unit: str | None) -> str | None:
-    """A unit in the spelling of M_S2. RecordError for one that is none of accelerations, and a scale that is no
-    factor."""
+    """A unit in the spelling of M_S2. RecordError for another one, and for a scale that is no factor."""
     found = plain_unit(unit) if isinstance(unit, str) else unit
     if found is not None and found not in list(M_S2):
         raise RecordError(f"{source}: unit = {unit!r}; must be one of {', '.join(M_S2)}")
@@ -55,8 +54,7 @@ def known_unit(source: str, scale: float, unit: str | None) -> str | None:
 
 
 def acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Series:
-    """A column of accelerations in m/s^2, or of the force in N, under its name, NaN where it holds no number; any other
-    as it is."""
+    """A column of accelerations in m/s^2, or of the force in N, under its name, NaN for no number; any other as is."""
     name, own = name_and_unit(str(column.name))
     if name.lower() == "force" and own in FORCE_N:
         return pd.to_numeric(column, errors="coerce").rename("force_N") * FORCE_N[own]

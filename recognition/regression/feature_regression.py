@@ -35,8 +35,7 @@ from recognition.sensors.channel_check import samples_before_impact
 
 @dataclass(eq=False)
 class FeatureRegression(RecordEstimator):
-    """A Gaussian process on one of FEATURES, of samples or sensors, taken of all accelerometers from the impact on; X
-    has the shape (runs, copies, p).
+    """A Gaussian process on one of FEATURES of all accelerometers from the impact on. X: (runs, copies, p).
 
     >>> FeatureRegression("energies_sensors").prepare(read_run("runs/paper/ratio_030").signals).shape
     (9, 8)
@@ -54,8 +53,8 @@ class FeatureRegression(RecordEstimator):
 
     def prepare(self, signals: pd.DataFrame, run: Run | None = None) -> Floats:
         """Features of the record and of its `noisy_copies`, shape (copies, p)."""
-        early = samples_before_impact(channels_of(signals, "accelerometers"))
-        every = [channels_of(one, "accelerometers") for one in noisy_copies(signals.iloc[early:])]
+        early = samples_before_impact(channels_of(signals))
+        every = [channels_of(one) for one in noisy_copies(signals.iloc[early:])]
         with raised_as(RecognitionError):
             return np.stack([sensor_features(self.features, one) for one in every])
 
@@ -143,8 +142,7 @@ def _process(z: Floats, y: Floats) -> GaussianProcessRegressor:
 
 def fit_process(features: Floats, y: Floats, conditions: Floats | None = None,
                 groups: Floats | None = None) -> ProcessModel:
-    """Of features (runs, p) of records of ratio y (runs,); conditions, groups: of the law, as in `fit_law`, which
-    raises RecognitionError."""
+    """Of features (runs, p) of records of ratio y (runs,); conditions, groups: as in `fit_law`. RecognitionError."""
     mean, scale = features.mean(axis=0), features.std(axis=0)
     if not scale.all():
         raise RecognitionError(f"feature {int(scale.argmin())} has the same value in all {len(y)} training records")

@@ -78,8 +78,7 @@ class RatioLaw:
     """A fitted law; d = channels x samples, k components, q variables of theta, p monomials.
 
     scale (channels,): rms of each channel in training; mean (d,), components (k, d): of records in shares of scale;
-    powers (p, q), coefficients (p, k): of m; variance (k,): of e; low, high (q,): range of theta in training, the ratio
-    first.
+    powers (p, q), coefficients (p, k): of m; variance (k,): of e; low, high (q,): of theta in training, ratio first.
     """
 
     scale: Floats
@@ -103,7 +102,9 @@ class RatioLaw:
         spare = max(1, off.size - z.size)
         noise2 = max(0.0, float(off @ off - z @ z)) / spare
         weight = 1.0 / (self.variance + noise2)
-        theta = self._gauss_newton(z, weight, self._best_of_grid(z, weight))
+        grid, law = self._grid
+        start = grid[np.argmin((law**2) @ weight - 2 * (law @ (weight * z)))]
+        theta = self._gauss_newton(z, weight, start.copy())
         residual = z - basis(theta, self.powers) @ self.coefficients
         misfit = float(np.sum(weight * residual**2)) / len(z)
         outside = max(0.0, float(np.abs(theta).max() - 1) / 2)
@@ -116,10 +117,6 @@ class RatioLaw:
         axes = [np.linspace(-1 - 2 * MARGIN, 1 + 2 * MARGIN, n) for n in GRID[len(self.low)]]
         theta = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
         return theta, basis(theta, self.powers) @ self.coefficients
-
-    def _best_of_grid(self, z: Floats, weight: Floats) -> Floats:
-        theta, law = self._grid
-        return theta[np.argmin((law**2) @ weight - 2 * (law @ (weight * z)))].copy()
 
     def _gauss_newton(self, z: Floats, weight: Floats, theta: Floats) -> Floats:
         """theta in units of -1..1; steps are halved until the chi-square falls."""
@@ -146,8 +143,7 @@ def fit_law(X: Floats, y: Floats, nuisance: Floats | None = None, groups: Floats
     """Law of records X (runs, channels, samples) of ratio y (runs,).
 
     nuisance (runs, q - 1): conditions; groups (runs,): runs that are held out together, each ratio by itself if None;
-    components: most that are kept; degree: of the polynomials. RecognitionError for fewer runs than these have
-    coefficients.
+    components: most that are kept; degree: of the polynomials. RecognitionError for too few runs.
     """
     theta = y[:, None] if nuisance is None else np.column_stack([y, nuisance])
     low, high = theta.min(axis=0), theta.max(axis=0)

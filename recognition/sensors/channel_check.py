@@ -52,23 +52,17 @@ class ChannelReport:
 
 def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> ChannelReport:
     """Check accelerations (s, n), m/s^2, of a record in which the plate is struck at once or for a while and then
-    rings. Raises RecognitionError for another number of channels than the plate has, or for values that are not
-    finite."""
+    rings. Raises RecognitionError for another number of channels, or values not finite."""
     if signals.ndim != 2 or len(signals) != len(plate.sensor_names):
         raise RecognitionError(f"signals of shape {signals.shape}; needs {len(plate.sensor_names)} channels")
     if not np.isfinite(signals).all():
         raise RecognitionError("a sample is not finite")
-    names = plate.sensor_names
-    refused = channel_faults(signals, names)
-    onset = _onset(signals)
+    names, onset = plate.sensor_names, _onset(signals)
     bends = plate.rms_shape > BENDS * plate.rms_shape.max()
     hum = hum_of(signals, rate_Hz, onset * 4 // 5, float(plate.frequency_Hz[bends][0]))
-    peak = abs(signals).max(axis=1)
-    told = _told_of_hum(hum, peak, names)
+    told, refused = _told_of_hum(hum, abs(signals).max(axis=1), names), channel_faults(signals, names)
     clean = signals - hum.sum if told else signals
-    if refused:
-        return ChannelReport(clean, hum, None, tuple(told), tuple(refused))
-    ringing = _ringing(clean, rate_Hz, plate, onset)
+    ringing = None if refused else _ringing(clean, rate_Hz, plate, onset)
     if ringing is not None:
         more_told, more_refused = _judged(ringing, names)
         told, refused = told + more_told, refused + more_refused
@@ -205,8 +199,7 @@ def _columns(mains_Hz: float, orders: list[int], n: int, rate_Hz: float) -> Floa
 @dataclass(frozen=True)
 class CheckResult(Result):
     """told: what is worth knowing; refused: why the record cannot be used, one text each. misfit: rms of the ringing
-    that no motion of the plate explains, in shares of the record, and what is expected; NaN where no ringing was looked
-    at."""
+    that no motion of the plate explains, in shares of the record, and what is expected; NaN without ringing."""
 
     told: tuple[str, ...]
     refused: tuple[str, ...]
@@ -225,12 +218,9 @@ class CheckResult(Result):
 
 
 def check(record: str, plate: str, scale: float = 1.0, unit: str | None = None) -> CheckResult:
-    """Look for faults in the channels of a record (see `record_table`), by a plate of `tap`. Raises RecordError,
-    RecognitionError."""
+    """Look for faults in the channels of a record (see `record_table`), by a plate of `tap`. Raises InputError."""
     known = PlateModel.load(Path(plate))
     _, signals, rate_Hz = read_accelerations(record, known, scale, unit)
     found = check_channels(signals, rate_Hz, known)
-    ringing = found.ringing
-    if ringing is None:
-        return CheckResult(found.told, found.refused)
-    return CheckResult(found.told, found.refused, ringing.misfit, ringing.expected)
+    misfits = () if found.ringing is None else (found.ringing.misfit, found.ringing.expected)
+    return CheckResult(found.told, found.refused, *misfits)

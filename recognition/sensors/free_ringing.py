@@ -50,12 +50,8 @@ def _orders(sensors: int) -> list[tuple[int, ...]]:
     own = tuple(range(sensors))
     if sensors <= FEW:
         return list(permutations(own))
-    swaps = []
-    for i, j in combinations(own, 2):
-        order = list(own)
-        order[i], order[j] = j, i
-        swaps.append(tuple(order))
-    return [own, *swaps]
+    swaps = ({i: j, j: i} for i, j in combinations(own, 2))
+    return [own, *(tuple(swap.get(k, k) for k in own) for swap in swaps)]
 
 
 def _motion(plate: PlateModel, n: int, rate_Hz: float) -> Floats:

@@ -50,8 +50,7 @@ SHIPPED = Path(__file__).parent / "stone_forces.json"
 
 
 def refuse_limits(radius_m: tuple[float, float], speed_m_s: tuple[float, float]) -> None:
-    """Raises RecognitionError for limits of stones that are no two numbers above 0, below a metre or 100 m/s, the lower
-    first."""
+    """Raises RecognitionError for limits that are not above 0, below a metre or 100 m/s, the lower first."""
     for name, (low, high), most, unit in (("radius", radius_m, 1, "m"), ("speed", speed_m_s, 100, "m/s")):
         if not 0 < low <= high < most:
             raise RecognitionError(f"--{name} {low:g} {high:g}: must be two numbers above 0, below {most} {unit}, the "

@@ -16,33 +16,20 @@ from functools import cached_property
 import numpy as np
 
 from recognition.estimation.arrays import Floats, Integers
-from recognition.plate.plate_model import PlateModel
+from recognition.plate.plate_model import SLOPES, PlateModel
 
 COUPLED = 0.15  # modes mix whose frequencies differ by less than this share
-STEP_M = 5e-4  # of the slope of a shape
 
 
 @dataclass(frozen=True)
 class Parameters:
     """coupling (p,): S of each pair of `Structure.pairs`; log_damping (m,): of the damping over the starting one;
-    log_gain (s,); sensor_shift_m (s, 2)."""
+    log_gain (s,); sensor_shift_m (s, 2). All are zero for the plate that it is thought to be."""
 
     coupling: Floats
     log_damping: Floats
     log_gain: Floats
     sensor_shift_m: Floats
-
-    def moved(self, step: Floats) -> "Parameters":
-        """By a step (size,) in the order of the fields."""
-        parts, start = [], 0
-        for value in (self.coupling, self.log_damping, self.log_gain, self.sensor_shift_m):
-            parts.append(value + step[start:start + value.size].reshape(value.shape))
-            start += value.size
-        return Parameters(*parts)
-
-    @property
-    def vector(self) -> Floats:
-        return np.concatenate([self.coupling, self.log_damping, self.log_gain, self.sensor_shift_m.ravel()])
 
 
 @dataclass(frozen=True)
@@ -61,22 +48,19 @@ class Structure:
         return np.concatenate([own, first[near]]), np.concatenate([own, second[near]])
 
     @property
-    def start(self) -> Parameters:
-        m, s = self.plate.frequency_Hz.size, len(self.plate.sensor_names)
-        return Parameters(np.zeros(self.pairs[0].size), np.zeros(m), np.zeros(s), np.zeros((s, 2)))
+    def sizes(self) -> list[int]:
+        """Of the fields of `Parameters`."""
+        sensors = len(self.plate.sensor_names)
+        return [self.pairs[0].size, self.plate.frequency_Hz.size, sensors, 2 * sensors]
+
+    def parameters(self, vector: Floats) -> Parameters:
+        """From their numbers (sum of `sizes`,), field by field."""
+        coupling, log_damping, log_gain, shift_m = np.split(vector, np.cumsum(self.sizes)[:-1])
+        return Parameters(coupling, log_damping, log_gain, shift_m.reshape(-1, 2))
 
     def slopes(self, points_m: Floats) -> Floats:
         """(k, 2, m): slopes of the shapes along x and y at points (k, 2)."""
-        limits = np.array([[lines[0], lines[-1]] for lines in (self.plate.lines_x_m, self.plate.lines_y_m)])
-        slopes = []
-        for axis in range(2):
-            ends = []
-            for side in (-1, 1):
-                moved = points_m.copy()
-                moved[:, axis] = np.clip(moved[:, axis] + side * STEP_M, *limits[axis])
-                ends.append((self.plate.shape(*moved.T), moved[:, axis]))
-            slopes.append((ends[1][0] - ends[0][0]) / (ends[1][1] - ends[0][1])[:, None])
-        return np.stack(slopes, axis=1)
+        return np.stack([self.plate.shape(points_m[:, 0], points_m[:, 1], slope) for slope in SLOPES], axis=1)
 
     @cached_property
     def sensor_slopes(self) -> Floats:
@@ -117,13 +101,13 @@ class Structure:
         return np.asarray(-s**2 * (shape @ motion.T))
 
     def derivatives(self, parameters: Parameters, s: np.ndarray, sensors: np.ndarray, motion: np.ndarray) -> np.ndarray:
-        """(sensors, n, size): of `transfer` by the vector of parameters; sensors, motion: of `motions`."""
+        """(sensors, n, size): of `transfer` by the numbers of the parameters; sensors, motion: of `motions`."""
         first, second = self.pairs
         omega, number = 2 * np.pi * self.plate.frequency_Hz, len(parameters.log_gain)
         scale = np.exp(parameters.log_gain)[:, None] * s**2
         share = np.where(first == second, 1.0, 2.0) * omega[first] * omega[second]
         transfer = self.transfer(parameters, s, motion)
-        out = np.zeros((number, s.size, parameters.vector.size), complex)
+        out = np.zeros((number, s.size, sum(self.sizes)), complex)
         p, m = first.size, omega.size
         by_damping = self.damping(parameters.log_damping) * s[:, None] * motion
         for i in range(number):

@@ -1,6 +1,5 @@
-"""The command `tap`: the file that says which records are taps, the plate that is learnt from them, how sure each
-mode is, and the error that is left; and its modes for programs of modal analysis as a universal file, by pyuff (extra
-`records`).
+"""The command `tap`: the file that says which records are taps, the plate that is learnt from them, how sure each mode
+is, and the error that is left; and its modes as a universal file, by pyuff (extra `records`).
 """
 
 from collections.abc import Iterator, Mapping
@@ -23,10 +22,9 @@ from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import FORMAT, PlateModel
 from recognition.plate.records import numbers, read_accelerations
 from recognition.sensors.channel_check import channel_faults, clipped
-from recognition.tapping.fit import BEYOND, IDENTIFIED, Fitted, Prior, fit_plate
-from recognition.tapping.structure import Parameters
-from recognition.tapping.taps import Tap
-from recognition.tapping.window import BAND
+from recognition.tapping.fit import BEYOND, IDENTIFIED, Fit, Fitted, Prior, fit_plate
+from recognition.tapping.structure import Parameters, Structure
+from recognition.tapping.taps import BAND, Tap
 
 DRAWS, SEED = 64, 1  # of the posterior
 
@@ -55,17 +53,18 @@ class Learnt:
 
 def learnt(fitted: Fitted, prior: Prior | None = None) -> Learnt:
     """The plate of a fit. What the fit leaves unexplained about the frequency of a mode counts as error of its shape,
-    half the power each for sensor and place. Raises RecognitionError where a mode may have lost its stiffness, or does
-    not ring."""
-    structure, parameters = fitted.structure, fitted.state.parameters
-    frequency, damping, turn = _modes(fitted, parameters)
-    draws = [_matched(fitted, parameters.moved(step), turn) for step in _steps(fitted)]
+    half the power each for sensor and place. RecognitionError where a mode may have no stiffness, or does not ring."""
+    fit, structure, vector = fitted.fit, fitted.fit.structure, fitted.state[:fitted.fit.shared]
+    parameters, left = structure.parameters(vector), fit.residuals(fitted.state)
+    frequency, damping, turn = _modes(structure, parameters)
+    draws = [_matched(structure, vector + step, turn) for step in _steps(fitted)]
     _check_stiff(structure.plate, [frequency, *(draw[0] for draw in draws)], damping)
     off = np.stack([draw[2] - turn for draw in draws])
-    plate, gram = structure.plate, _gram(structure.plate)
+    plate, shapes = structure.plate, structure.plate.grid_shape.reshape(-1, frequency.size)
+    gram = shapes.T @ shapes / len(shapes)  # means over the grid of products of two shapes
     rms_2 = np.einsum("jk,jl,lk->k", turn, gram, turn)
     shape_2 = np.einsum("djk,jl,dlk->k", off, gram, off) / len(draws) / rms_2
-    left_2 = _unexplained(fitted, frequency)
+    left_2 = _unexplained(fit, left, frequency)
     frequency_sd = np.sqrt(np.mean([(draw[0] / np.maximum(frequency, 1e-9) - 1) ** 2 for draw in draws], axis=0))
     frequency_sd[frequency == 0] = 0.0
     gain = np.exp(parameters.log_gain)
@@ -78,7 +77,7 @@ def learnt(fitted: Fitted, prior: Prior | None = None) -> Learnt:
     highest_Hz = plate.max_frequency_Hz / BEYOND
     identified = (frequency_sd < IDENTIFIED * (prior or Prior()).frequency) & (frequency < highest_Hz)
     at = structure.pairs[0].size + plate.frequency_Hz.size + np.arange(gain.size)
-    return Learnt(modes, identified, *_misfit(fitted), gain, np.sqrt(np.diag(fitted.covariance)[at]), highest_Hz)
+    return Learnt(modes, identified, *_misfit(fit, left), gain, np.sqrt(np.diag(fitted.covariance)[at]), highest_Hz)
 
 
 def _check_stiff(plate: PlateModel, frequencies_Hz: list[Floats], damping: Floats) -> None:
@@ -95,9 +94,8 @@ def _steps(fitted: Fitted) -> Floats:
     return np.asarray(normal * np.sqrt(np.maximum(values, 0.0)) @ vectors.T, float)
 
 
-def _modes(fitted: Fitted, parameters: Parameters) -> tuple[Floats, Floats, Floats]:
+def _modes(structure: Structure, parameters: Parameters) -> tuple[Floats, Floats, Floats]:
     """Frequencies (m,), damping ratios (m,) and, column by column, the modes (m, m) in terms of the starting ones."""
-    structure = fitted.structure
     squares, turn = np.linalg.eigh(structure.stiffness(parameters.coupling))
     omega = np.sqrt(np.where(squares > 1e-12 * squares[-1], squares, 0.0))
     turn = turn * np.where(turn[abs(turn).argmax(axis=0), np.arange(omega.size)] < 0, -1.0, 1.0)
@@ -105,9 +103,9 @@ def _modes(fitted: Fitted, parameters: Parameters) -> tuple[Floats, Floats, Floa
     return omega / (2 * np.pi), damping / np.where(omega > 0, 2 * omega, np.inf), turn
 
 
-def _matched(fitted: Fitted, parameters: Parameters, turn: Floats) -> tuple[Floats, Floats, Floats]:
-    """`_modes`, each in the place and with the sign of the one in `turn` that it is most alike."""
-    frequency, damping, other = _modes(fitted, parameters)
+def _matched(structure: Structure, vector: Floats, turn: Floats) -> tuple[Floats, Floats, Floats]:
+    """`_modes` of parameters, each in the place and with the sign of the one in `turn` that it is most alike."""
+    frequency, damping, other = _modes(structure, structure.parameters(vector))
     alike = turn.T @ other
     order = linear_sum_assignment(-abs(alike))[1]
     sign = np.sign(alike[np.arange(order.size), order])
@@ -120,29 +118,25 @@ def _log_ratio(damping: Floats, other: Floats) -> Floats:
     return np.asarray(np.log(np.where(both, damping, 1.0) / np.where(both, other, 1.0)), float)
 
 
-def _gram(plate: PlateModel) -> Floats:
-    """(m, m): means over the grid of products of two shapes."""
-    shapes = plate.grid_shape.reshape(-1, plate.frequency_Hz.size)
-    return np.asarray(shapes.T @ shapes / len(shapes), float)
+def _misfit(fit: Fit, left: list[np.ndarray]) -> tuple[Floats, Floats]:
+    """(s,) each: rms of what is left of each tap (s, n), and of the noise, in shares of the records."""
+    record, unfitted = (sum(np.sum(abs(one) ** 2, axis=1) for one in every)
+                        for every in ((found.acceleration for found in fit.spectra), left))
+    noise = sum(one.noise * one.s.size for one in fit.spectra)
+    return np.sqrt(unfitted / record), np.sqrt(noise / record)
 
 
-def _misfit(fitted: Fitted) -> tuple[Floats, Floats]:
-    record = sum(np.sum(abs(one) ** 2, axis=1) for one in fitted.record)
-    left = sum(np.sum(abs(one) ** 2, axis=1) for one in fitted.residual)
-    noise = sum(power * one.shape[1] for power, one in zip(fitted.noise, fitted.record, strict=True))
-    return np.sqrt(left / record), np.sqrt(noise / record)
-
-
-def _unexplained(fitted: Fitted, frequency_Hz: Floats) -> Floats:
+def _unexplained(fit: Fit, left: list[np.ndarray], frequency_Hz: Floats) -> Floats:
     """(m,): power of what neither fit nor noise explains about each frequency, as a share of the records' there."""
     shares = []
     for f in frequency_Hz:
-        left = record = 0.0
-        for r, x, noise, bins in zip(fitted.residual, fitted.record, fitted.noise, fitted.frequency_Hz, strict=True):
+        unexplained = record = 0.0
+        for r, found in zip(left, fit.spectra, strict=True):
+            bins = found.frequency_Hz
             near = abs(bins - min(f, bins[-1])) <= max(BAND * f, 2 * (bins[1] - bins[0]))
-            left += max(float(np.sum(abs(r[:, near]) ** 2) - np.sum(noise) * near.sum()), 0.0)
-            record += float(np.sum(abs(x[:, near]) ** 2))
-        shares.append(left / record if record > 0 else 1.0)
+            unexplained += max(float(np.sum(abs(r[:, near]) ** 2) - np.sum(found.noise) * near.sum()), 0.0)
+            record += float(np.sum(abs(found.acceleration[:, near]) ** 2))
+        shares.append(unexplained / record if record > 0 else 1.0)
     return np.array(shares)
 
 

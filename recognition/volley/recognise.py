@@ -20,14 +20,17 @@ from recognition.plate.records import record_table
 from recognition.stone_forces.forces import StoneForces, load_forces
 from recognition.stream.checks import refuse_faulty, without_offset_and_hum
 from recognition.stream.recognise import channels_of
-from recognition.volley.moments import PHASES, REACHES, Likelihood, Moments
-from recognition.volley.responses import (
+from recognition.volley.moments import (
     BEFORE_S,
     DECIMATION,
     DELAY_STEP_S,
     LENGTH_S,
     MARGIN,
+    PHASES,
+    REACHES,
     HIGHEST_Hz,
+    Likelihood,
+    Moments,
     RATE_Hz,
     Stones,
     part_of,
@@ -135,8 +138,7 @@ class Found:
 
     @property
     def outside(self) -> float:
-        """Probability that the total impulse is beyond those of all stones that are told, by half a stone at least, if
-        any were as likely."""
+        """Probability that the total impulse is beyond those of all stones that are told, by half a stone at least."""
         told, every = Hypotheses.of(self.stones, self.forces), self.likelihood
         total = np.exp(np.linspace(every.log_total[0], every.log_total[-1], TOTALS))
         number = np.exp(every.log_number.mean())

@@ -14,9 +14,8 @@ from recognition.estimation.window import Window
 from recognition.methods import METHODS
 from recognition.models import Model, PreparedRuns
 from recognition.paper.fusion import FUSIONS, Fusion, kalman_filter
-from recognition.paper.pipeline import FusionPipeline
 from recognition.paper.q_parameter import FusionQ, PolynomialFit, fit_polynomial
-from recognition.paper.strategy import Candidates
+from recognition.paper.strategy import Candidates, FusionPipeline
 from report.signals import Signals
 from report.sweep_results import SweepResults
 

@@ -31,7 +31,7 @@ def test_the_plates_model_gives_the_record_of_a_run(directory):
     run = read_run(directory)
     forces = force_record_of(run, DURATION_S)
     rows = forces.force_N.shape[1]
-    recorded = channels_of(run.fast.iloc[:rows], "plate")
+    recorded = channels_of(run.fast.iloc[:rows], rods=True)
     left = np.sqrt(np.mean((forces.modelled - recorded) ** 2, axis=1) / np.mean(recorded**2, axis=1))
     # The force acts where sub-spheres touch, not in the middle of a stone's place: accelerometers feel that most.
     assert left[0] < 0.01 and left[1:3].max() < 0.1 and left[3:].max() < 0.02
@@ -48,7 +48,7 @@ def test_samples_of_a_run_pass_the_filter_that_its_scene_says(directory, runs, a
         assert run.signals[name].to_numpy() == pytest.approx(resample(fast, run.rate_Hz, anti_alias=anti_alias).values)
     assert (run.signals["t_s"] == run.fast["t_s"][::30].to_numpy()).all()
     forces = force_record_of(run, 0.0045)
-    recorded = channels_of(run.signals, "plate")[:, :forces.sampled.shape[1]][:, :20]
+    recorded = channels_of(run.signals, rods=True)[:, :forces.sampled.shape[1]][:, :20]
     left = np.sqrt(np.mean((forces.sampled[:, :20] - recorded) ** 2, axis=1) / np.mean(recorded**2, axis=1))
     assert left[0] < 0.01 and left[1:3].max() < 0.1 and left[3:].max() < 0.02
 

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from recognition.innovations.coloured_noise import SensorNoise
 from recognition.innovations.signatures import FINE_S, Channels
 from recognition.stone_forces.forces import PULSE_S, History
 from recognition.stream.recognise import RATE_Hz
@@ -37,3 +38,8 @@ def after_noise(stream, seconds):
     deviation = stream.values[:, :round(0.04 * RATE_Hz)].std(axis=1, keepdims=True)
     before = deviation * np.random.default_rng(3).standard_normal((len(deviation), round(seconds * RATE_Hz)))
     return np.hstack([before, stream.values])
+
+
+def white(deviation):
+    """Independent white noise of sensors, of standard deviations (c,)."""
+    return SensorNoise(np.diag(1 / deviation)[None], 1.0)

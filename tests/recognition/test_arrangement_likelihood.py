@@ -21,7 +21,7 @@ from plate_fem.motion import ModalMotion
 from recognition import RecognitionError
 from recognition.estimation.noise import noise_of
 from recognition.models import decode, encode
-from recognition.physics.arrangement_fit import PlateRecord, force_statistics, model_on
+from recognition.physics.arrangement_fit import PlateRecord, fit_model, told
 from recognition.physics.arrangement_likelihood import (
     LATEST_S,
     MISFIT,
@@ -90,7 +90,7 @@ def draw(count, seed, thickness_m=0.008, speeds=(3.0, 3.0), noise=0.0, scatter=0
         gangue = rng.permutation(len(PLACES_M)) < n
         speed = rng.uniform(*speeds)
         force = forces_N(gangue, 1 + scatter * rng.standard_normal(len(PLACES_M)), speed)
-        forces = ForceRecord(table, Path(KEPT.name), Fall(PLACES_M, np.zeros(len(PLACES_M))), PLACES_M, speed, SAMPLE_s, STEP_s,
+        forces = ForceRecord(table, Fall(PLACES_M, np.zeros(len(PLACES_M))), PLACES_M, speed, SAMPLE_s, STEP_s,
                              force.T, gangue)
         X.append(PlateRecord(*record(modes, force, noise, rng, late), NAMES, forces))
         ratios.append(n / len(PLACES_M))
@@ -307,8 +307,7 @@ def test_a_speed_that_varied():
 def test_where_stones_touch_scatters_records_along_both_axes():
     """What a deviation of 1 mm adds to the covariance, by moving each stone to either side along x and along y."""
     X, _ = draw(8, 9, scatter=0.0)
-    statistics, forces = force_statistics(X, np.arange(8))
-    model = model_on(replace(statistics, place_deviation_m=1e-3), forces)
+    model = told(replace(fit_model(X, np.arange(8)), place_deviation_m=1e-3), X[0].force_record.fall)
     added = model.law_at(0.0).scatter
     modes, mean_N = modes_of(0.008), 1.5 * forces_N(np.zeros(5), 1.0, 3.0)[:, :1]
     expected = np.zeros_like(added)

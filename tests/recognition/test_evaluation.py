@@ -7,17 +7,18 @@ import pytest
 from lab.recognition.baselines import EVALUATED
 from recognition import RecognitionError
 from recognition.estimation.noise import with_noise
-from recognition.evaluation.cross_validation import (
+from recognition.evaluation import (
     CASES,
     ONE_THING,
     Case,
+    DataSet,
     Evaluation,
+    _kin,
     evaluate,
+    read_dataset,
     summary,
-    table,
     write_evaluation,
 )
-from recognition.evaluation.dataset import DataSet, _kin, read_dataset
 from tests.analysis import synthetic
 
 FAMILIES = {"paper": (1, 11), "clean": (44, 1), "damping": (12, 1), "speed": (12, 1), "stones": (12, 1), "natural": (4, 11),
@@ -122,7 +123,7 @@ def test_evaluation_csv(synthetic_set):
 def test_the_table_counts_as_one_counts_by_hand(synthetic_set):
     data = read_dataset(synthetic_set)
     results = evaluate(data, only("rms_line"), [MANY], [None], progress=lambda line: None)
-    answers, row = results[0].answers, table(results).iloc[0]
+    answers, row = results[0].answers, summary(results[0])
     error = [100 * (a - b) for a, b in zip(answers["ratio"], answers["true"], strict=True)]
     assert row["mean_abs_error_points"] == pytest.approx(sum(map(abs, error)) / 15)
     assert row["worst_points"] == pytest.approx(max(map(abs, error)))

@@ -17,13 +17,13 @@ from recognition.innovations.signatures import DURATIONS_S, FINE_S, LEAD, Channe
 from recognition.innovations.whitening import Whitening, _free_motion, _observation, _seen
 from recognition.stream.listen import BLOCK
 from recognition.stream.recognise import LEAST_FREQUENCY_SD, PHASE_LOSS, RATE_Hz, recognise_stream
-from tests.recognition.elastic_stones import CHANNELS, after_noise, elastic_stone
+from tests.recognition.elastic_stones import CHANNELS, after_noise, elastic_stone, white
 
 
 @pytest.mark.slow
 def test_signature_is_the_whitened_response(plate, forces):
     """Against the plate model's own exact response to the force, low-passed and whitened as a record is."""
-    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, SensorNoise.white(np.ones(4)), np.full(4, 10.0))
+    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, white(np.ones(4)), np.full(4, 10.0))
     bank = Bank.of(plate, CHANNELS, forces, whitening, RATE_Hz)
     stone = np.array([30.33, np.log(42e-6), 0.0525, -0.0775, -1.2, np.log(0.7)])
     first, whole = bank.whole(stone)
@@ -41,7 +41,7 @@ def test_signature_is_the_whitened_response(plate, forces):
 def test_a_signature_ends_when_one_channel_rings_no_more(plate, forces):
     """What was left of strong stones beyond the end would be heard as stones."""
     uncertain = replace(plate, frequency_sd=np.full(len(plate.frequency_Hz), LEAST_FREQUENCY_SD))
-    noise = SensorNoise.white(np.ones(1))
+    noise = white(np.ones(1))
     whitening = Whitening.of(uncertain, Channels((0,)), RATE_Hz, noise, np.full(1, 30.0), PHASE_LOSS)
     force = 1.2 * forces.pulse(0, 42e-6, (np.arange(8000) + 0.5) * FINE_S - 1e-3)
     for place in [(0.06, -0.07), (0.15, 0.1), (-0.18, 0.02)]:
@@ -55,7 +55,7 @@ def test_a_signature_ends_when_one_channel_rings_no_more(plate, forces):
 @pytest.mark.slow
 def test_derivatives_of_a_signature(plate, forces):
     """By the signatures of the neighbours on the grids of times, durations and places."""
-    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, SensorNoise.white(np.ones(4)), np.full(4, 10.0))
+    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, white(np.ones(4)), np.full(4, 10.0))
     bank = Bank.of(plate, CHANNELS, forces, whitening, RATE_Hz)
     stone = np.array([30.3, np.log(DURATIONS_S[11]), 0.0525, -0.0775, 0.3, np.log(0.7)])
     rows = bank.signature(stone)[1].astype(float)
@@ -96,7 +96,7 @@ def test_innovations_of_free_ringing_are_noise(plate):
     stream = stream_of(plate, CHANNELS, [stone], truth, RATE_Hz, None, rng, after_s=0.3)
     deviation = 0.1 * stream.values[:, :2000].std(axis=1)
     values = stream.values + deviation[:, None] * rng.standard_normal(stream.values.shape)
-    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, SensorNoise.white(deviation),
+    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, white(deviation),
                               stream.values.std(axis=1) / deviation)
     late = whitening(values)[:, 1000:]
     assert np.std(late) < 1.1

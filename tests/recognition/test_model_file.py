@@ -45,7 +45,7 @@ def test_the_best_method_is_that_of_the_least_held_out_error():
     answers = {"fusion_q": Answer(0.3), "energies_sensors": Answer(0.3, 0.2, 0.4), "arrangement_likelihood": Answer(0.3, 0.2, 0.4)}
     assert known(energies_sensors=0.05, arrangement_likelihood=0.01).best(answers)[0] == "arrangement_likelihood"
     assert known(energies_sensors=0.05, arrangement_likelihood=0.06).best(answers)[0] == "energies_sensors"
-    answers["arrangement_likelihood"] = Answer.none("no column")
+    answers["arrangement_likelihood"] = Answer(np.nan, reason="no column")
     assert known(energies_sensors=0.05, arrangement_likelihood=0.01).best(answers)[0] == "energies_sensors"
     assert known(arrangement_likelihood=0.01).best({"fusion_q": Answer(0.3)}) is None
 

@@ -41,7 +41,7 @@ def test_a_draw_held_out_is_recognised_better_than_by_a_straight_line(impacts, f
     groups, ratio, signals = impacts
     method = EVALUATED[name].make()
     X = features(name)
-    rms = np.exp(np.stack([log_rms(channels_of(s, "accelerometers"), (0.0, 1.0), ()) for s in signals]))
+    rms = np.exp(np.stack([log_rms(channels_of(s), (0.0, 1.0), ()) for s in signals]))
     errors, straight, inside = [], [], []
     for group in (g for g in np.unique(groups) if not g.startswith("thin")):
         train, test = (groups != group) & ~np.char.startswith(groups, "thin"), groups == group

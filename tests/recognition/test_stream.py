@@ -10,7 +10,6 @@ from common.scene.plate import read_plate
 from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.bank import FIT_LAGS, TIME, Bank
-from recognition.innovations.coloured_noise import SensorNoise
 from recognition.innovations.prior import StonePrior
 from recognition.innovations.signatures import Channels
 from recognition.innovations.whitening import Whitening
@@ -22,7 +21,7 @@ from recognition.stream.listen import KEPT, PART, Listener
 from recognition.stream.recognise import RATE_Hz, channels_of, recognise_stream
 from recognition.stream.stone_law import LearntLaw, Told
 from recognition.stream.stones import missed_of, ratio_of
-from tests.recognition.elastic_stones import CHANNELS, elastic_stone, surely_told
+from tests.recognition.elastic_stones import CHANNELS, elastic_stone, surely_told, white
 
 
 def test_law_of_elastic_spheres(forces):
@@ -245,7 +244,7 @@ def test_bad_input_of_the_command(plate, tmp_path, capsys, change, options, said
 
 @pytest.fixture(scope="module")
 def bank(plate, forces):
-    return Bank.of(plate, CHANNELS, forces, Whitening.of(plate, CHANNELS, RATE_Hz, SensorNoise.white(np.ones(4)), np.full(4, 10.0)),
+    return Bank.of(plate, CHANNELS, forces, Whitening.of(plate, CHANNELS, RATE_Hz, white(np.ones(4)), np.full(4, 10.0)),
                    RATE_Hz)
 
 

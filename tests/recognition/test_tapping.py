@@ -11,11 +11,10 @@ from lab.known_truth.other_plates import scattered
 from lab.known_truth.tap_records import hammer_taps
 from recognition.__main__ import main
 from recognition.plate.plate_model import PlateModel
-from recognition.tapping.fit import Fit, Prior, fit_plate, start_of
+from recognition.tapping.fit import Fit, Prior, fit_plate
 from recognition.tapping.structure import Structure
 from recognition.tapping.tapped import learnt
-from recognition.tapping.taps import Tap
-from recognition.tapping.window import spectra
+from recognition.tapping.taps import Tap, spectra
 
 SCENE = resource("scenes") / "paper.toml"
 PLACES = np.array([[0.11, 0.07], [-0.16, 0.13]])
@@ -84,13 +83,12 @@ def test_slopes_are_differences(start):
     rng = np.random.default_rng(3)
     taps = hammer_taps(start, PLACES[:1], rng, rate_Hz=8e3, force_known=False)
     fit = Fit(Structure(start), taps, Prior(), 200.0)
-    state = start_of(fit.structure, taps)
-    scale = fit.prior_sd(state)
-    state = state.moved(0.1 * scale * rng.standard_normal(scale.size))
+    scale = fit.prior_sd
+    state = 0.1 * scale * rng.standard_normal(scale.size)
     value, slope = fit.predicted(state, 0, slopes=True)
     for _ in range(5):
         step = 1e-4 * scale * rng.standard_normal(scale.size)
-        change = (fit.predicted(state.moved(step), 0)[0] - fit.predicted(state.moved(-step), 0)[0]) / 2
+        change = (fit.predicted(state + step, 0)[0] - fit.predicted(state - step, 0)[0]) / 2
         assert np.linalg.norm(slope @ step - change) < 1e-5 * np.linalg.norm(change)
 
 

@@ -10,7 +10,7 @@ import pytest
 from analysis import read_run
 from plate_fem.modes import plate_modes
 from recognition.estimation.errors import RecognitionError
-from recognition.evaluation.dataset import read_dataset
+from recognition.evaluation import read_dataset
 from recognition.physics.arrangement_fit import alike
 from recognition.physics.arrangement_method import LATEST_FALL_S, ArrangementLikelihood, PlateRecord
 from recognition.physics.falls import FallSearch
@@ -56,7 +56,7 @@ def test_stones_that_arrive_as_scattered_do_not_fall_at_once(tmp_path):
 
 def test_forces_of_each_stone_are_taken_from_its_arrival_on():
     force_N, places_m = np.arange(12.0).reshape(2, 6), np.zeros((2, 2))
-    record = ForceRecord(plate(), None, Fall(places_m, np.array([0.0, 2.2 * STEP_s])), places_m, 3.0, SAMPLE_s, STEP_s,
+    record = ForceRecord(plate(), Fall(places_m, np.array([0.0, 2.2 * STEP_s])), places_m, 3.0, SAMPLE_s, STEP_s,
                          force_N, np.array([True, False]))
     assert record.from_arrival_N.tolist() == [[0, 1, 2, 3, 4, 5], [8, 9, 10, 11, 0, 0]]
 
@@ -75,7 +75,7 @@ def own_draw(count, seed, tmp, late=0):
         share = np.clip((t_s[:, None] - fall.arrival_s) / 2.5e-4, 0, 1)
         force = 3000.0 * np.sin(np.pi * share) * np.where(gangue, 1.8, 1.0) * rng.lognormal(0, 0.05, 3)
         values, sd = record(modes, force, 0.01, rng, late, place)
-        forces = ForceRecord(table, tmp, fall, place, 3.0, SAMPLE_s, STEP_s, force.T, gangue)
+        forces = ForceRecord(table, fall, place, 3.0, SAMPLE_s, STEP_s, force.T, gangue)
         X.append(PlateRecord(values, sd, NAMES, forces, fall))
         ratios.append(gangue.mean())
     return X, np.array(ratios)

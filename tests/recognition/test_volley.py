@@ -12,9 +12,8 @@ from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.innovations.signatures import FINE_S, Channels
 from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import History, load_forces
-from recognition.volley.moments import SPREADS_S, Moments, _over_totals
+from recognition.volley.moments import BEFORE_S, DECIMATION, SPREADS_S, Moments, Stones, _over_totals, part_of
 from recognition.volley.recognise import FAR_SHARE, SILENCE_S, Hypotheses, RATE_Hz, recognise_volley
-from recognition.volley.responses import BEFORE_S, DECIMATION, Stones, part_of
 
 SENSORS = (0, 1, 2, 3)
 TEN = Stones((10, 10), 0.025, (3.0, 3.0))

@@ -11,7 +11,7 @@ import pandas as pd
 
 from common.scene.scene import read_scene
 from lab.known_truth.stone_histories import rock_of
-from recognition.evaluation.dataset import read_dataset
+from recognition.evaluation import read_dataset
 
 SCENE = Path(__file__).resolve().parents[3] / "scenes" / "paper.toml"
 GROUPS = ("paper/000", "ring/000", "ring/001", "ring/002", "ring/003", "packing/001")

@@ -1,1 +1,0 @@
-"""Every method on runs that it was not trained on."""
