@@ -20,7 +20,7 @@ Where the record fits several laws, the draws hold all of them.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -277,6 +277,12 @@ class LearntLaw:
         off = np.einsum("nij,nj->ni", np.linalg.cholesky(scatter), rng.standard_normal((count, 3)))
         centre = z[CENTRE] + material * z[APART] + breaks[:, None] * b.shift[material]
         return Told(centre + off, error, np.full(count, UNKNOWN), np.zeros(count, dtype=bool))
+
+    def apart_as_believed(self) -> LearntLaw:
+        """These laws, of which gangue is as far from coal as was believed before any stone; always the same."""
+        z, b = self.laws.copy(), self.beliefs
+        z[:, APART] = np.random.default_rng(5).multivariate_normal(b.apart, np.linalg.inv(b.precisions[1]), len(z))
+        return replace(self, laws=z)
 
     def misplaced(self, told: Told) -> int:
         """How many known stones seem to be of the other material, or no stone."""
