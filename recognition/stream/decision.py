@@ -178,23 +178,28 @@ def follow(told: Told, t_s: Floats, prior: StonePrior, stop: Stop, least_doubt: 
 
 
 def foreseen(law: LearntLaw, told: Told, stop: Stop, rate_1_s: float, least_doubt: float) -> Foreseen:
-    """The least threshold with no more false alarms than are allowed by LIKELY of the laws, and its delay."""
+    """The least threshold with no more false alarms than are allowed by LIKELY of the laws, and its delay.
+
+    Unknown coal that looks like gangue draws the gangue of a law nearer to coal, and true gangue would alarm more: no
+    more false alarms are allowed either if gangue is as far from coal as was believed."""
     def gains(stones: Told) -> Floats:
         return stop.gain(_any_stone(*law.probabilities(stones, least_doubt)))
 
     rng, nobody_knows = np.random.default_rng(3), replace(told, known=np.full_like(told.known, UNKNOWN))
     known = [gains(nobody_knows.only(np.flatnonzero(told.known == m))) for m in (0, 1)]
-    drawn = [[gains(law.drawn(k, m, DRAWN, told)) for m in (0, 1)]
-             for k in np.linspace(0, len(law.laws) - 1, LAWS).astype(int)]
+    learnt, believed = ([[gains(one.drawn(k, m, DRAWN, told)) for m in (0, 1)]
+                         for k in np.linspace(0, len(law.laws) - 1, LAWS).astype(int)]
+                        for one in (law, law.apart_as_believed()))
     weights = [[rng.dirichlet(np.r_[np.ones(len(known[m])), np.full(DRAWN, AS_KNOWN / DRAWN)]) for m in (0, 1)]
-               for _ in drawn]
+               for _ in learnt]
 
-    def stones(threshold: float, share: float) -> Floats:
+    def stones(threshold: float, share: float, drawn: list[list[Floats]] = learnt) -> Floats:
         return np.array([mean_stones(np.r_[known[0], a, known[1], b], np.r_[(1 - share) * v, share * w], threshold)
                          for (a, b), (v, w) in zip(drawn, weights, strict=True)])
 
     def false_1_h(threshold: float) -> float:
-        return 3600 * rate_1_s / float(np.quantile(stones(threshold, CALM * stop.above), 1 - LIKELY))
+        return max(3600 * rate_1_s / float(np.quantile(stones(threshold, CALM * stop.above, drawn), 1 - LIKELY))
+                   for drawn in (learnt, believed))
 
     low, high, tried = 0.0, HIGHEST, []
     for _ in range(HALVINGS):

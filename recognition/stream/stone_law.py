@@ -11,8 +11,8 @@ and stiffnesses. Centres, what is between them, and the scatter of the stones va
 How far they vary is unknown, and so are the shares of gangue, of stones of either material that break, which have
 another form, of stones that bounced or met in the air, and how slow these are, and of what is no stone: a second touch,
 a fragment, a knock; and by how much the errors are larger than the fit says. The simulated law of forces is the prior
-of all that. A known stone is of its material with a probability of KNOWN. Known stones that were dropped may have had
-another speed and size than those of the record.
+of all that. Of known stones about one is of the other material. Known stones that were dropped may have had another
+speed and size than those of the record.
 
 Where the record fits several laws, the draws hold all of them.
 """
@@ -20,7 +20,7 @@ Where the record fits several laws, the draws hold all of them.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +53,9 @@ USUAL_1_s, FASTEST_1_s = 50.0, 400.0  # rates where none is told, and beyond whi
 #: frequencies, from which the durations and forms of small stones follow.
 LARGER, LARGER_SD = 0.3, 0.4
 OTHER_DENSITY = 1 / (3.0 * 12.0 * 6.0)  # of what is no such stone: log s, b and log J are anything
-KNOWN = 0.95
+#: Of known stones to be of the other material: one of all of them is, but of few at most such a share. More would let
+#: coal that hardly looks like it, of which some are among many, be gangue to the law, whose gangue is then too alike.
+WRONG = 0.05
 LEAST_APART = 0.15, 0.15  # of log J and log J - 3 log s: gangue of one size and speed pushes harder than coal
 CENTRE, APART, SCATTERS, GANGUE, BROKEN = slice(0, 3), slice(3, 6), slice(6, 10), 10, slice(11, 13)
 OTHERS, SLOW, ERRORS, DROPPED, HOW_SLOW, NUMBERS = 13, 14, 15, slice(16, 18), slice(18, 20), 20
@@ -207,6 +209,7 @@ class Beliefs:
             for law in (self.whole, self.broken, self.whole + lumps, self.whole + slower))
         moved = (z[:, DROPPED] @ DIRECTIONS[:2]).T[..., None] * told.dropped
         p, unknown, others = z[:, GANGUE, None], told.known == UNKNOWN, z[:, OTHERS, None]
+        wrong = min(WRONG, 1 / max(np.sum(~unknown), 1))
         slow = np.where(told.dropped, -np.inf, z[:, SLOW, None])  # one that is dropped alone meets no other
         out = np.empty((len(z), len(told.x), 3))
         for m, sign in ((0, 1), (1, -1)):
@@ -217,7 +220,7 @@ class Beliefs:
             every = np.logaddexp(stones - np.logaddexp(0, slow),
                                  normal(off - slow_mean, slowed) - np.logaddexp(0, -slow))
             every = np.logaddexp(every + np.log(1 - LUMPS), normal(off, lump) + np.log(LUMPS))
-            share = np.where(unknown, -np.logaddexp(0, sign * p), np.log(np.where(told.known == m, KNOWN, 1 - KNOWN)))
+            share = np.where(unknown, -np.logaddexp(0, sign * p), np.log(np.where(told.known == m, 1 - wrong, wrong)))
             out[..., m] = every + share - np.logaddexp(0, others)
         out[..., 2] = np.log(OTHER_DENSITY) - np.logaddexp(0, -others)
         return out
@@ -274,6 +277,12 @@ class LearntLaw:
         off = np.einsum("nij,nj->ni", np.linalg.cholesky(scatter), rng.standard_normal((count, 3)))
         centre = z[CENTRE] + material * z[APART] + breaks[:, None] * b.shift[material]
         return Told(centre + off, error, np.full(count, UNKNOWN), np.zeros(count, dtype=bool))
+
+    def apart_as_believed(self) -> LearntLaw:
+        """These laws, of which gangue is as far from coal as was believed before any stone; always the same."""
+        z, b = self.laws.copy(), self.beliefs
+        z[:, APART] = np.random.default_rng(5).multivariate_normal(b.apart, np.linalg.inv(b.precisions[1]), len(z))
+        return replace(self, laws=z)
 
     def misplaced(self, told: Told) -> int:
         """How many known stones seem to be of the other material, or no stone."""

@@ -1,5 +1,7 @@
 """The test of when to stop drawing, against sums over drawn stones."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 
@@ -87,6 +89,36 @@ def test_fewer_false_alarms_come_later():
         gains = [STOP.gain(doubted(law.materials(law.drawn(k, m, 150, told))[0], 0.005).mean(axis=1)) for m in (0, 1)]
         rates.append(72_000 / mean_stones(np.r_[tuple(gains)], np.repeat([0.8, 0.2], 150) / 150, often.threshold))
     assert 0.6 <= np.mean(np.array(rates) < 11.0)  # of most laws, drawn anew
+
+
+@dataclass(frozen=True)
+class PlainLaw:
+    """Stones are their probability of gangue: of coal 0.1."""
+
+    of_gangue: float
+    believed: float
+    laws = np.zeros((1, 1))
+
+    def apart_as_believed(self):
+        return replace(self, of_gangue=self.believed)
+
+    def probabilities(self, told, least_doubt):
+        return told.x[:, :1], np.zeros(len(told.x))
+
+    def drawn(self, number, material, count, told):
+        return told_of(np.full((count, 3), (0.1, self.of_gangue)[material]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("learnt", "believed"), [(0.6, 0.9), (0.9, 0.6)])
+def test_false_alarms_are_those_of_the_gangue_that_alarms_more(learnt, believed):
+    """Learnt or believed; delays are those of the learnt one."""
+    def mean(gangue, share):
+        return mean_stones(STOP.gain(np.array([0.1, gangue])), np.array([1 - share, share]), found.threshold)
+
+    found = foreseen(PlainLaw(learnt, believed), told_of(np.zeros((0, 3))), STOP, 20.0, 0.005)
+    assert 0.9 < 72_000 / mean(0.9, 0.2) < 1.0
+    assert found.false_alarms_1_h == pytest.approx(72_000 / mean(0.9, 0.2)) and found.delay == pytest.approx(mean(learnt, 0.4))
 
 
 @pytest.mark.parametrize(("above", "false"), [(0.0, 1.0), (1.0, 1.0), (np.nan, 1.0), (0.4, 0.0), (0.4, np.inf)])

@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from common.tables import InputError
-from lab.streams.stone_kinds import ERROR, hertz
+from lab.streams.stone_kinds import ERROR, hertz, kinds, stones
 from recognition.estimation.errors import RecognitionError
 from recognition.estimation.posterior import drawn
 from recognition.innovations.bank import IMPULSE, TIME, X, Y
@@ -179,6 +179,28 @@ def test_known_stones_of_the_other_material_are_seen(prior):
     (low, said, high), law, told = answer(fallen(gangue, np.random.default_rng(6)), prior, known)
     assert law.misplaced(told) == 2
     assert low <= 0.5 <= high and abs(said - 0.5) < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_coal_alone_teaches_nothing_of_gangue(seed):
+    """Of a hundred coal stones whose sizes and speeds vary some look like gangue: what it is like stays as believed."""
+    kind = next(k for k in kinds() if k.name == "15 to 35 mm, 2 to 4 m/s")
+    coal = stones(kind, np.zeros(100) > 0, np.random.default_rng(seed))[0]
+    law = LearntLaw.of(told_of(coal, np.zeros(100, int)), StonePrior(load_forces(), kind.radius_m, kind.speed_m_s))
+    heavier = law.laws[:, APART] @ [-3, 0, 1]  # of one size
+    assert heavier.mean() == pytest.approx(law.beliefs.apart @ [-3, 0, 1], abs=0.1)
+
+
+@pytest.mark.slow
+def test_some_gangue_among_many_known_coal_stones_is_seen(prior):
+    gangue = np.arange(160) % 2 > 0
+    gangue[:100] = np.arange(100) % 20 == 7  # said to be coal
+    told = told_of(fallen(gangue, np.random.default_rng(5)), np.r_[np.zeros(100, int), np.full(60, UNKNOWN)])
+    law = LearntLaw.of(told, prior)
+    assert law.misplaced(told) == 5
+    odds = law.materials(told)[0][100:].mean(axis=1)
+    assert np.mean((odds > 0) == gangue[100:]) > 0.9
 
 
 @pytest.mark.slow
