@@ -41,7 +41,7 @@ def record_table(path: str | Path, scale: float = 1.0, unit: str | None = None) 
     source = str(path / "signals.parquet" if path.is_dir() else path)
     unit = known_unit(source, scale, unit)
     table = read_signals(path)
-    return pd.concat([table[[]], *(acceleration(table[name], scale, unit) for name in table)], axis=1), source
+    return pd.concat([table[[]], *(acceleration(table[name], scale, unit, source) for name in table)], axis=1), source
 
 
 def known_unit(source: str, scale: float, unit: str | None) -> str | None:
@@ -54,18 +54,20 @@ def known_unit(source: str, scale: float, unit: str | None) -> str | None:
     return found
 
 
-def acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Series:
+def acceleration(column: pd.Series, scale: float, unit: str | None, source: str) -> pd.Series:
     """A column of accelerations in m/s^2, or of the force in N, under its name, NaN where it holds no number; any other
-    as it is."""
+    as it is. RecordError for a unit that is not its own."""
     name, own = name_and_unit(str(column.name))
     if name.lower() == "force" and own in FORCE_N:
         return pd.to_numeric(column, errors="coerce").rename("force_N") * FORCE_N[own]
     if ACCELERATION.fullmatch(name):
+        refuse_other_unit(f"{source}: {name}", 1.0, own, "m/s^2")
         own = "m/s^2"
+        refuse_other_unit(f"{source}: {name}", scale, unit, own)
     elif unit_of(name) != "1" or own not in (None, *RAW, *M_S2) or (unit or own) not in M_S2:
         return column
     else:
-        refuse_other_unit(name, scale, unit, own or "1")
+        refuse_other_unit(f"{source}: {name}", scale, unit, own or "1")
         name = sensor_column(name.removeprefix("acc_"))
     return pd.to_numeric(column, errors="coerce").rename(name) * (scale * M_S2[unit or str(own)])
 

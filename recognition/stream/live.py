@@ -67,7 +67,7 @@ def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Kno
                 quiet_s: float, scale: float, unit: str | None, watch: bool = False) -> LiveResult:
     """Tell what is heard until no more comes, in JSON or, to `watch`, drawn. Raises RecordError, RecognitionError."""
     unit = known_unit(source.name, scale, source.unit if unit is None else unit)
-    ones = [acceleration(pd.Series([1.0], name=name), scale, unit) for name in source.channels]
+    ones = [acceleration(pd.Series([1.0], name=name), scale, unit, source.name) for name in source.channels]
     names = [str(one.name) for one in ones]
     if len(set(names)) < len(names):
         raise RecordError(f"{source.name}: channels = {source.channels}; must be different sensors")
