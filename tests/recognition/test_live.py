@@ -185,6 +185,23 @@ def test_a_stream_that_ends_early_is_held_to_radii_and_speeds_too(drawing, names
     assert code == 3 and "off --radius and --speed, limit 3.5" in events[-1]["not_explained"]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("cut", "said"), [
+    (lambda frames: frames.tobytes()[:-3], "ends within a frame, 13 of 16 bytes"),
+    (lambda frames: np.vstack([frames, np.full((1, 4), np.nan, "<f4"), frames[:9]]).tobytes(), "must be finite")])
+def test_what_breaks_off_loses_no_stone_that_came_before(drawing, names, capsys, cut, said):
+    """A cable that is pulled, and a sample that is none: as one frame less, and an error in place of the end."""
+    here, values, _ = drawing
+    frames = np.ascontiguousarray(values[:, :round(1.3 * RATE_2_Hz)].T)
+    header = {"rate_Hz": RATE_2_Hz, "channels": names}
+    whole = frames if "finite" in said else frames[:-1]
+    code, events, told = piped(capsys, here, sent(whole.T, header))
+    assert code == 0 and sum(one["event"] == "stone" for one in events) > 15 and not told
+    code, broken, told = piped(capsys, here, sent(frames[:0].T, header) + cut(frames))
+    assert code == 2 and said in told and told.count("\n") == 1
+    assert [one for one in broken if one["event"] == "stone"] == [one for one in events if one["event"] == "stone"]
+
+
 HEADER = {"rate_Hz": 20000, "channels": ["acc_north_m_s2"]}
 
 
