@@ -191,8 +191,9 @@ def test_a_stream_that_ends_early_is_held_to_radii_and_speeds_too(drawing, names
     (lambda frames: np.vstack([frames, np.full((1, 4), np.nan, "<f4"), frames[:9]]).tobytes(), "must be finite")])
 def test_what_breaks_off_loses_no_stone_that_came_before(drawing, names, capsys, cut, said):
     """A cable that is pulled, and a sample that is none: as one frame less, and an error in place of the end."""
-    here, values, _ = drawing
-    frames = np.ascontiguousarray(values[:, :round(1.3 * RATE_2_Hz)].T)
+    here, values, truth = drawing
+    last_s = truth["t_s"][truth["t_s"] > 1.2].iloc[0] + 0.003
+    frames = np.ascontiguousarray(values[:, :round(last_s * RATE_2_Hz)].T)
     header = {"rate_Hz": RATE_2_Hz, "channels": names}
     whole = frames if "finite" in said else frames[:-1]
     code, events, told = piped(capsys, here, sent(whole.T, header))
