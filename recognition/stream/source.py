@@ -71,8 +71,8 @@ class Source:
             if (wrong := ~(abs(values) <= MOST)).any():
                 frame, channel = np.argwhere(wrong.T)[0]
                 at_s = (done + frame) / self.rate_Hz
-                self.broken = RecordError(f"{self.name}: {self.channels[channel]} at {at_s:.6g} s: every sample must be "
-                                          f"finite, and at most {MOST:g}")
+                self.broken = RecordError(f"{self.name}: {self.channels[channel]} at {at_s:.6g} s: every sample must "
+                                          f"be finite, and at most {MOST:g}")
                 values = values[:, :frame]
             yield values
             del parts[:4 * c * frames]
