@@ -1,6 +1,7 @@
 """Records of a plate's sensors, from files."""
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -94,13 +95,19 @@ def read_accelerations(path: str | Path, plate: PlateModel, scale: float = 1.0,
     names = [sensor_column(name) for name in plate.sensor_names]
     for name in ("t_s", *names):
         if name not in table.columns:
-            raise RecognitionError(f"{source}: no column {name!r}; needs t_s, {', '.join(names)}")
+            raise RecognitionError(f"{source}: no column {name!r}; needs t_s, {', '.join(names)}; "
+                                   f"{what_has(table.columns)}")
     rate_Hz = sample_rate_Hz(numbers(table, "t_s", source), f"{source}: t_s")
     lowest_Hz = float(plate.frequency_Hz[plate.rms_shape > BENDS * plate.rms_shape.max()][0])
     if rate_Hz < 2 * lowest_Hz:
         raise RecognitionError(f"{source}: {rate_Hz:g} samples a second; needs at least {2 * lowest_Hz:g} to show a "
                                f"mode of this plate; {READ_AS_S}")
     return table, np.array([numbers(table, name, source) for name in names]), rate_Hz
+
+
+def what_has(columns: Iterable[str]) -> str:
+    """What a table has where it lacks accelerations, and how these may be called."""
+    return f"has {', '.join(list(columns)[:12]) or 'none'}; acc_NAME_m_s2 is also NAME [g], or NAME with --unit g"
 
 
 def numbers(table: pd.DataFrame, name: str, source: object) -> Floats:

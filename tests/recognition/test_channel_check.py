@@ -112,6 +112,8 @@ def test_command_says_what_it_found(plate, good, tmp_path, capsys, fault, code, 
     pd.DataFrame(times | columns).to_csv(tmp_path / "record.csv", index=False)
     assert main(["check", str(tmp_path / "record.csv"), "--plate", str(tmp_path / "plate.json")]) == code
     assert said in capsys.readouterr().out
+    main(["--quiet", "check", str(tmp_path / "record.csv"), "--plate", str(tmp_path / "plate.json")])
+    assert (said in capsys.readouterr().out) == (code == 3)
     assert main(["check", str(tmp_path / "record.csv"), "--plate", str(tmp_path / "record.csv")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 

@@ -9,7 +9,8 @@ import pytest
 from analysis import RecordError, read_record
 from recognition import RecognitionError
 from recognition.estimation.window import Window
-from recognition.plate.records import at_rate, numbers, record_table
+from recognition.plate.records import at_rate, numbers, read_accelerations, record_table
+from recognition.stream.recognise import sensors_of
 
 T_s = np.arange(200) / 8000.0
 X = np.sin(2 * np.pi * 100.0 * T_s)
@@ -124,6 +125,14 @@ def test_what_is_no_acceleration_becomes_none_and_another_unit_needs_a_scale(tmp
         record_table(tmp_path / "x.csv", 1.0, "m/s^2")
     found = record_table(tmp_path / "x.csv", 2.0, "m/s^2")[0]
     assert list(found) == ["t_s", "force_N", "acc_A_m_s2", "acc_B_m_s2"] and found["acc_A_m_s2"][0] == 4.0
+
+
+def test_where_no_unit_is_told_the_refusal_says_what_there_is(tmp_path):
+    pd.DataFrame({"t_s": T_s, "A": X, "B [mm/s]": X}).to_csv(tmp_path / "x.csv", index=False)
+    with pytest.raises(RecognitionError, match=r"has t_s, A, B \[mm/s\]; acc_NAME_m_s2 is also NAME \[g\], or NAME with --unit g"):
+        read_accelerations(tmp_path / "x.csv", SimpleNamespace(sensor_names=("A",)))
+    with pytest.raises(RecognitionError, match="has t_s, A; acc_NAME_m_s2 is also"):
+        sensors_of(["t_s", "A"], 2e4, SimpleNamespace(sensor_names=("A",), rod_force_N_m=()), "x.csv")
 
 
 @pytest.mark.parametrize("name, unit", [("acc_A_m_s2", "g"), ("acc_A_m_s2 [g]", None)])
