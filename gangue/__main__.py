@@ -49,7 +49,7 @@ def _command(words: list[str], package: str) -> int:
         result = function(**options)
     if as_json:
         print(json.dumps(result.as_json(), indent=1, allow_nan=False))
-    elif not quiet:
+    elif not quiet or result.exit_code:
         for line in result.words():
             print(line)
     return result.exit_code

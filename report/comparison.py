@@ -30,7 +30,7 @@ GROUPS = {
 }
 #: What a sweep is compared by at every ratio: (title, unit, key of run.json).
 MAIN_NUMBERS = (("peak force", "N", "peak_force_N"), ("bonds broken", "", "n_bonds_broken"),
-                ("peak acceleration of the plate", "m/s²", "plate.max_a_m_s2"),
+                ("peak acceleration of the plate's centre of mass", "m/s²", "plate.max_a_m_s2"),
                 ("peak energy of the plate", "J", "plate.max_total_J"))
 IMPACT_s = 1e-3  # the curves of the fast stream
 
@@ -95,7 +95,8 @@ class Pair:
         """Force, and acceleration where both plates move: the impact from the fast stream where both have it, and the
         whole record. Raises RecordError for a sample that is not finite."""
         found = []
-        for column, title in (("force_N", "force on the plate, N"), ("a_m_s2", "acceleration of the plate, m/s²")):
+        for column, title in (("force_N", "force on the plate, N"),
+                              ("a_m_s2", "acceleration of the plate's centre of mass, m/s²")):
             if column not in self.a.signals or column not in self.b.signals:
                 continue
             for run in (self.a, self.b):

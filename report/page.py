@@ -299,7 +299,8 @@ def numbers(results: SweepResults, recognises: bool) -> list[Number]:
     found = [_held_out(results)] if recognises else []
     found.append(span([digits(1e-3 * runs[i].peak("force_N")) for i in ends], "kN", "largest force on the plate"))
     if results.plate_moves and len(found) < 2:
-        found.append(span([digits(runs[i].peak("a_m_s2")) for i in ends], "m/s²", "largest acceleration of the plate"))
+        found.append(span([digits(runs[i].peak("a_m_s2")) for i in ends], "m/s²",
+                          "largest acceleration of the plate's centre of mass"))
     if all(run.summary.n_bonds for run in runs):
         found.append(span([f"{runs[i].summary.n_bonds_broken}" for i in ends], "",
                           f"bonds broken of {runs[0].summary.n_bonds} ({results.of(Breakage).draws_in_words})"))

@@ -62,9 +62,10 @@ class TimeTable(Table):
 
     @model_validator(mode="after")
     def _one_sample_at_least(self) -> Self:
-        if self.duration_s < self.sample_interval_s:
-            raise Refused("duration_s", self.duration_s,
-                          f"must be at least sample_interval_s = {self.sample_interval_s:g}")
+        for key in ("duration_s", "view_interval_s"):  # a picture lies on a row
+            value = getattr(self, key)
+            if value is not None and value < self.sample_interval_s:
+                raise Refused(key, value, f"must be at least sample_interval_s = {self.sample_interval_s:g}")
         return self
 
 

@@ -19,6 +19,7 @@ from common.tables import InputError
 from dem.stones.stone import UPRIGHT, Flying, Stone, Substance, gap_to_box_m, reach_m, substances_of
 
 PLACE_TRIES = 1000
+ROUNDING = 1e-9  # of a radius, by which places that are written in decimals may overlap
 PACKINGS = 8  # of each shape, which stones share: to find one takes longer than many an impact
 MOST_SUBSTANCES = 500  # the deck has a number for each pair of them
 ONE, NOTHING = one_value(1.0), one_value(0.0)
@@ -292,7 +293,7 @@ def _check_places(scene: Scene, stones: list[Stone], file: str) -> None:
             raise InputError(f"{file}: stones.{_place_key(scene, k, stone)}: stone {k + 1} misses the plate, which "
                              f"reaches to x = {half[0]:g} m and y = {half[1]:g} m")
         other, gap = flying.nearest(stone)
-        if gap < 0:
+        if gap < -ROUNDING * stone.radius_m:
             least = reach_m(scene, stones[other]) + reach_m(scene, stone)
             equal = len({stone.radius_m for stone in stones}) == 1
             raise InputError(f"{file}: stones.{_place_key(scene, k, stone)}: stones {other + 1} and {k + 1} overlap, "

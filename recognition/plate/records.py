@@ -1,6 +1,7 @@
 """Records of a plate's sensors, from files."""
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ def record_table(path: str | Path, scale: float = 1.0, unit: str | None = None) 
     source = str(path / "signals.parquet" if path.is_dir() else path)
     unit = known_unit(source, scale, unit)
     table = read_signals(path)
-    return pd.concat([table[[]], *(acceleration(table[name], scale, unit) for name in table)], axis=1), source
+    return pd.concat([table[[]], *(acceleration(table[name], scale, unit, source) for name in table)], axis=1), source
 
 
 def known_unit(source: str, scale: float, unit: str | None) -> str | None:
@@ -53,17 +54,20 @@ def known_unit(source: str, scale: float, unit: str | None) -> str | None:
     return found
 
 
-def acceleration(column: pd.Series, scale: float, unit: str | None) -> pd.Series:
-    """A column of accelerations in m/s^2, or of the force in N, under its name, NaN for no number; any other as is."""
+def acceleration(column: pd.Series, scale: float, unit: str | None, source: str) -> pd.Series:
+    """A column of accelerations in m/s^2, or of the force in N, under its name, NaN where it holds no number; any other
+    as it is. RecordError for a unit that is not its own."""
     name, own = name_and_unit(str(column.name))
     if name.lower() == "force" and own in FORCE_N:
         return pd.to_numeric(column, errors="coerce").rename("force_N") * FORCE_N[own]
     if ACCELERATION.fullmatch(name):
+        refuse_other_unit(f"{source}: {name}", 1.0, own, "m/s^2")
         own = "m/s^2"
+        refuse_other_unit(f"{source}: {name}", scale, unit, own)
     elif unit_of(name) != "1" or own not in (None, *RAW, *M_S2) or (unit or own) not in M_S2:
         return column
     else:
-        refuse_other_unit(name, scale, unit, own or "1")
+        refuse_other_unit(f"{source}: {name}", scale, unit, own or "1")
         name = sensor_column(name.removeprefix("acc_"))
     return pd.to_numeric(column, errors="coerce").rename(name) * (scale * M_S2[unit or str(own)])
 
@@ -90,13 +94,19 @@ def read_accelerations(path: str | Path, plate: PlateModel, scale: float = 1.0,
     names = [sensor_column(name) for name in plate.sensor_names]
     for name in ("t_s", *names):
         if name not in table.columns:
-            raise RecognitionError(f"{source}: no column {name!r}; needs t_s, {', '.join(names)}")
+            raise RecognitionError(f"{source}: no column {name!r}; needs t_s, {', '.join(names)}; "
+                                   f"{what_has(table.columns)}")
     rate_Hz = sample_rate_Hz(numbers(table, "t_s", source), f"{source}: t_s")
     lowest_Hz = float(plate.frequency_Hz[plate.rms_shape > BENDS * plate.rms_shape.max()][0])
     if rate_Hz < 2 * lowest_Hz:
         raise RecognitionError(f"{source}: {rate_Hz:g} samples a second; needs at least {2 * lowest_Hz:g} to show a "
                                f"mode of this plate; {READ_AS_S}")
     return table, np.array([numbers(table, name, source) for name in names]), rate_Hz
+
+
+def what_has(columns: Iterable[str]) -> str:
+    """What a table has where it lacks accelerations, and how these may be called."""
+    return f"has {', '.join(list(columns)[:12]) or 'none'}; acc_NAME_m_s2 is also NAME [g], or NAME with --unit g"
 
 
 def numbers(table: pd.DataFrame, name: str, source: object) -> Floats:

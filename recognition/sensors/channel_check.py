@@ -10,6 +10,7 @@ from math import isnan, nan
 from pathlib import Path
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import butter, sosfiltfilt
 
 from common.result import Result
@@ -25,6 +26,8 @@ LEAST_HUM = 0.01  # of the peak: less is not told
 CLIPPED_RUN, CLIPPED_COUNT = 3, 4  # samples at the very largest value, on end and in all
 DEAD_SHARE = 0.02  # of the median of the other channels' rms
 AFTER_s, STRETCH_s = (2.5e-3, 5e-3, 8e-3), 10e-3  # beginnings after the onset, and length, of free motion
+#: A further blow is so many times as large as what was RISES_s to AHEAD_s before. So many are looked at.
+RISE, RISES_s, AHEAD_s, MOST_BLOWS = 3.0, 5e-4, 2e-3, 12
 BAND = 0.75  # of the plate's highest frequency: what rings above is filtered off
 #: Limit of the misfit: so many times what is expected, but within these bounds. A plate that is known so badly that
 #: more is expected cannot be checked against.
@@ -40,8 +43,9 @@ LEAST_PERIODS = 2.0  # of the mains, that a record or its silence must have
 
 @dataclass(frozen=True)
 class ChannelReport:
-    """signals (s, n): without offset and hum. ringing: None where no free motion could be looked at. told: what was
-    taken away or is worth knowing, one line each; refused: why the record cannot be used, one line each."""
+    """signals (s, n): without offset and hum. ringing: after the first blow that a motion of the plate explains, else
+    after the first; None where no free motion could be looked at. told: what was taken away or is worth knowing, one
+    line each; refused: why the record cannot be used, one line each."""
 
     signals: Floats
     hum: "Hum"
@@ -51,8 +55,9 @@ class ChannelReport:
 
 
 def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> ChannelReport:
-    """Check accelerations (s, n), m/s^2, of a record in which the plate is struck at once or for a while and then
-    rings. Raises RecognitionError for another number of channels, or values not finite."""
+    """Check accelerations (s, n), m/s^2, of a record in which the plate is struck, once or often, and then rings.
+    Raises RecognitionError for another number of channels than the plate has, or for values that are not
+    finite."""
     if signals.ndim != 2 or len(signals) != len(plate.sensor_names):
         raise RecognitionError(f"signals of shape {signals.shape}; needs {len(plate.sensor_names)} channels")
     if not np.isfinite(signals).all():
@@ -62,11 +67,13 @@ def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> Channe
     hum = hum_of(signals, rate_Hz, onset * 4 // 5, float(plate.frequency_Hz[bends][0]))
     told, refused = _told_of_hum(hum, abs(signals).max(axis=1), names), channel_faults(signals, names)
     clean = signals - hum.sum if told else signals
-    ringing = None if refused else _ringing(clean, rate_Hz, plate, onset)
-    if ringing is not None:
-        more_told, more_refused = _judged(ringing, names)
-        told, refused = told + more_told, refused + more_refused
-    return ChannelReport(clean, hum, ringing, tuple(told), tuple(refused))
+    if refused:
+        return ChannelReport(clean, hum, None, tuple(told), tuple(refused))
+    ringings = _ringings(clean, rate_Hz, plate, onset)
+    if not ringings:
+        return ChannelReport(clean, hum, None, tuple(told), ())
+    ringing, more_told, refused = _judged_together(ringings, names)
+    return ChannelReport(clean, hum, ringing, (*told, *more_told), tuple(refused))
 
 
 def samples_before_impact(signals: Floats) -> int:
@@ -114,22 +121,39 @@ def _told_of_hum(hum: "Hum", peak: Floats, names: tuple[str, ...]) -> list[str]:
     return told
 
 
-def _ringing(signals: Floats, rate_Hz: float, plate: PlateModel, onset: int) -> Ringing | None:
-    """Of the stretch after the onset that fits best; None where the record is too short for any."""
+def _blows(signals: Floats, rate_Hz: float, onset: int) -> list[int]:
+    """First samples of blows: the onset, and what rises above the ringing later, AHEAD_s or more after the one before;
+    MOST_BLOWS at most, evenly chosen."""
+    size = (abs(signals) / abs(signals).max(axis=1, keepdims=True)).max(axis=0)
+    ahead, rises = max(round(AHEAD_s * rate_Hz), 2), max(round(RISES_s * rate_Hz), 1)
+    before = sliding_window_view(np.concatenate([np.zeros(ahead), size]), ahead - rises).max(axis=1)[:size.size]
+    found = [onset]
+    for k in np.flatnonzero(size > np.maximum(ONSET_SHARE, RISE * before)).tolist():
+        if k >= found[-1] + ahead:
+            found.append(k)
+    return found[::-(-len(found) // MOST_BLOWS)]
+
+
+def _ringings(signals: Floats, rate_Hz: float, plate: PlateModel, onset: int) -> dict[float, Ringing]:
+    """By the time of the blow in s: of the stretch after it that fits best; none where the record is too short. A blow
+    after the first that another one follows too soon is passed over."""
     band_Hz = BAND * plate.max_frequency_Hz
     if signals.shape[1] * band_Hz < rate_Hz:
-        return None  # shorter than one period, and no filter of such a band has numbers
+        return {}  # shorter than one period, and no filter of such a band has numbers
     filtered = signals
     if band_Hz < 0.45 * rate_Hz:
         filtered = sosfiltfilt(butter(8, band_Hz, fs=rate_Hz, output="sos"), signals, axis=1)
     silence = filtered[:, : onset * 4 // 5]
     noise = silence.std(axis=1) if silence.shape[1] > 30 else np.zeros(len(signals))
-    length, found = round(STRETCH_s * rate_Hz), []
-    for after_s in AFTER_s:
-        start = onset + round(after_s * rate_Hz)
-        if length > 1 and start + length <= signals.shape[1]:
-            found.append(ringing_of(filtered[:, start:start + length], rate_Hz, plate, noise))
-    return min(found, key=_excess, default=None)
+    blows, length, ringings = _blows(signals, rate_Hz, onset), round(STRETCH_s * rate_Hz), {}
+    for blow, following in zip(blows, [*blows[1:], signals.shape[1]], strict=True):
+        starts = [blow + round(after_s * rate_Hz) for after_s in AFTER_s]
+        last = signals.shape[1] if blow == onset else following
+        found = [ringing_of(filtered[:, start:start + length], rate_Hz, plate, noise)
+                 for start in starts if length > 1 and start + length <= last]
+        if found:
+            ringings[blow / rate_Hz] = min(found, key=_excess)
+    return ringings
 
 
 def _excess(one: Ringing) -> float:
@@ -137,9 +161,26 @@ def _excess(one: Ringing) -> float:
     return min(one.misfit, one.order_misfit) / max(one.expected, np.finfo(float).tiny)
 
 
+def _limit(ringing: Ringing) -> float:
+    return min(max(MISFIT_FACTOR * ringing.expected, LEAST_LIMIT), MOST_LIMIT)
+
+
+def _judged_together(ringings: dict[float, Ringing], names: tuple[str, ...]) -> tuple[Ringing, list[str], list[str]]:
+    """Of blows by their times: the ringing that the check tells of, what is told and what is refused. What no motion of
+    the plate explains counts where that is so of all: one blow may come on top of another."""
+    explained = {at_s: one for at_s, one in ringings.items() if min(one.misfit, one.order_misfit) <= _limit(one)}
+    first_s = next(iter(explained or ringings))
+    told, refused = _judged(ringings[first_s], names)
+    for at_s, one in explained.items():
+        if not refused:
+            refused = [f"from {at_s:.4g} s: {why}" for why in _judged(one, names)[1]]
+    if len(ringings) > 1:
+        told.append(f"{len(explained)} of {len(ringings)} blows are followed by free ringing of this plate")
+    return ringings[first_s], told, refused
+
+
 def _judged(ringing: Ringing, names: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    limit = min(max(MISFIT_FACTOR * ringing.expected, LEAST_LIMIT), MOST_LIMIT)
-    own = tuple(range(len(names)))
+    limit, own = _limit(ringing), tuple(range(len(names)))
     if ringing.order != own and ringing.order_misfit < SWAP_GAIN * ringing.misfit:
         mixed = [f"{names[i]} shows what {names[k]} should" for i, k in zip(own, ringing.order, strict=True) if i != k]
         return [], ["sensors swapped: " + ", ".join(mixed)]

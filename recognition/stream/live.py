@@ -65,9 +65,10 @@ class Window:
 
 def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Known, stop: Stop | None, window: Window,
                 quiet_s: float, scale: float, unit: str | None, watch: bool = False) -> LiveResult:
-    """Tell what is heard until no more comes, in JSON or, to `watch`, drawn. Raises RecordError, RecognitionError."""
+    """Tell what is heard until no more comes, or can be read, in JSON or, to `watch`, drawn. Raises RecordError,
+    RecognitionError."""
     unit = known_unit(source.name, scale, source.unit if unit is None else unit)
-    ones = [acceleration(pd.Series([1.0], name=name), scale, unit) for name in source.channels]
+    ones = [acceleration(pd.Series([1.0], name=name), scale, unit, source.name) for name in source.channels]
     names = [str(one.name) for one in ones]
     if len(set(names)) < len(names):
         raise RecordError(f"{source.name}: channels = {source.channels}; must be different sensors")
@@ -89,8 +90,12 @@ def listen_live(source: Source, plate: PlateModel, prior: StonePrior, known: Kno
             recorded = values[:len(channels.accelerometers)]
             _tell(live.hear(resampler.more(values), recorded), watch, clock)
         _tell(live.hear(resampler.end(), recorded[:, :0], ended=True), watch, clock)
-    except NotRecognised as error:
-        return LiveResult(live.count, live.alarms, clock * live.t_s, refused=str(error))
+    except RecognitionError as error:
+        if source.broken is None and isinstance(error, NotRecognised):
+            return LiveResult(live.count, live.alarms, clock * live.t_s, refused=str(error))
+        raise source.broken or error from None
+    if source.broken is not None:  # what was heard until then is told
+        raise source.broken
     return LiveResult(live.count, live.alarms, clock * live.t_s, not_explained=live.reason)
 
 

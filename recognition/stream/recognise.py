@@ -19,7 +19,7 @@ from recognition.innovations.retuning import retuned, shifted
 from recognition.innovations.signatures import LEAD, Channels
 from recognition.innovations.whitening import Whitening
 from recognition.plate.plate_model import PlateModel
-from recognition.plate.records import numbers
+from recognition.plate.records import numbers, what_has
 from recognition.stream.checks import Checks, Mains, refuse_faulty, together, without_offset_and_hum
 from recognition.stream.decision import Followed, Stop
 from recognition.stream.listen import BLOCK, LOOK_BACK, Heard, Listener, Sums
@@ -101,7 +101,8 @@ def sensors_of(columns: Sequence[str], rate_Hz: float, plate: PlateModel, source
     here = [k for k, name in enumerate(names) if name in columns]
     rods = [k for k in range(len(plate.rod_force_N_m)) if rod_column(k + 1) in columns]
     if np.isnan(rate_Hz) or not here:
-        raise RecognitionError(f"{source}: needs columns 't_s' and at least one of {', '.join(names)}")
+        raise RecognitionError(f"{source}: needs columns 't_s' and at least one of {', '.join(names)}; "
+                               f"{what_has(columns)}")
     if rate_Hz < RATE_Hz * (1 - RATE_SHARE):
         raise RecognitionError(f"{source}: {rate_Hz:.6g} Hz; needs at least {RATE_Hz:g}; {READ_AS_S}")
     return Channels(tuple(here), tuple(rods)), [names[k] for k in here] + [rod_column(k + 1) for k in rods]

@@ -32,6 +32,8 @@ class Source:
     """The standard input ("-"), a socket (tcp://HOST:PORT) or a file, which may grow; its rate, channels and unit.
     RecordError for what cannot be read."""
 
+    broken: RecordError | None = None  # why no more can be read
+
     def __init__(self, record: str, follow: bool) -> None:
         self.name = "standard input" if record == "-" else record
         self._waiting: Queue[bytes | OSError] = Queue(WAITING)
@@ -39,6 +41,8 @@ class Source:
         line = b""
         while b"\n" not in line and len(line) < LONGEST_LINE and (more := self._next()):
             line += more
+        if self.broken is not None:
+            raise self.broken
         line, end, self._left = line.partition(b"\n")
         try:
             header = json.loads(line) if end else None
@@ -54,32 +58,35 @@ class Source:
             raise RecordError(f"{self.name}: channels = {self.channels!r}; must be a list of different names")
 
     def blocks(self) -> Iterator[Floats]:
-        """Samples (c, n), of BLOCK_S at least. RecordError for one that is not finite, or cut off."""
+        """Samples (c, n), of BLOCK_S at least, up to one that is not finite, or cut off, or until no more can be read:
+        `broken` then says why."""
         c, parts, done = len(self.channels), bytearray(self._left), 0
-        while True:
+        while self.broken is None:
             more = self._next()
             parts += more
             frames = len(parts) // (4 * c)
             if more and frames < BLOCK_S * self.rate_Hz:
                 continue
             values = np.frombuffer(bytes(parts[:4 * c * frames]), "<f4").reshape(frames, c).T.astype(float)
-            if not (wrong := ~(abs(values) <= MOST)).any():
-                yield values
-            else:
-                channel, frame = np.argwhere(wrong)[0]
-                raise RecordError(f"{self.name}: {self.channels[channel]} at {(done + frame) / self.rate_Hz:.6g} s: "
-                                  f"every sample must be finite, and at most {MOST:g}")
+            if (wrong := ~(abs(values) <= MOST)).any():
+                frame, channel = np.argwhere(wrong.T)[0]
+                at_s = (done + frame) / self.rate_Hz
+                self.broken = RecordError(f"{self.name}: {self.channels[channel]} at {at_s:.6g} s: every sample must "
+                                          f"be finite, and at most {MOST:g}")
+                values = values[:, :frame]
+            yield values
             del parts[:4 * c * frames]
             done += frames
             if not more:
                 break
-        if parts:
-            raise RecordError(f"{self.name}: ends within a frame, {len(parts)} of {4 * c} bytes")
+        if parts and self.broken is None:
+            self.broken = RecordError(f"{self.name}: ends within a frame, {len(parts)} of {4 * c} bytes")
 
     def _next(self) -> bytes:
         found = self._waiting.get()
         if isinstance(found, OSError):
-            raise RecordError(f"{self.name}: {found.strerror or found}")
+            self.broken = RecordError(f"{self.name}: {found.strerror or found}")
+            return b""
         return found
 
     def _read(self, read: Callable[[], bytes], follow: bool) -> None:

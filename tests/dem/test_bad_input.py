@@ -24,6 +24,8 @@ CASES = [
     ("time step", "duration_s = 0.6 ", "time_step_s = 1e-4\nduration_s = 0.6 ",
      ["time.time_step_s", "0.0001", "must not be above"]),
     ("co-step", "duration_s = 0.6 ", "co_step = 1000\nduration_s = 0.6 ", ["time.co_step", "1000", "at most"]),
+    ("pictures between rows", "view_interval_s = 6e-3", "view_interval_s = 1e-4",
+     ["time.view_interval_s", "0.0001", "at least sample_interval_s = 0.00015"]),
     ("restitution", "restitution = 0.9, friction = 0.4", "restitution = 1.5, friction = 0.4",
      ["contacts.coal_plate.restitution", "1.5", "less than or equal to 1"]),
     ("order", "gangue_order = [2, 10,", "gangue_order = [2, 2,", ["stones.gangue_order", "once"]),

@@ -130,3 +130,19 @@ def test_a_bonded_stone_on_a_plate_that_yields_closes(tmp_path):
     assert abs(energy["contacts_unexplained_J"]) < 1e-3 * energy["impact_J"]
     assert abs(energy["closure"]) < 1e-3
     assert summary["yield"]["bending"]["von_mises_Pa"] > 1e6
+
+
+@pytest.mark.parametrize("contact", ["sub_spheres", "smooth"])
+def test_friction_on_a_plate_that_yields_closes(tmp_path, contact):
+    """A stone that comes sideways: a tangential spring's stiffness goes with the force, not with the depth."""
+    scene = changed("single", {
+        "stones.count": None, "stones.gangue_ratio": None, "stones.gangue_order": None, "stones.positions_m": None,
+        "stones.radius_m": None, "stones.speed_m_s": None,
+        "stones.each": [{"material": "coal", "radius_m": 0.025, "place_m": [0.1, 0.0], "velocity_m_s": [0.5, 0.0, -2.0]}],
+        "stones.agglomerate": {"subspheres": 8 if contact == "sub_spheres" else 200, "contact": contact, "unbreakable": True},
+        "time.duration_s": 6e-4, "time.view_interval_s": None, "assumptions": [], "plate": {
+            "size_m": [0.5, 0.5], "density_kg_m3": 7830.0, "youngs_modulus_Pa": 2.07e11, "poisson_ratio": 0.3,
+            "yield_stress_Pa": 7.5e7}})
+    energy = run_scene(scene, "sideways", tmp_path / "run")["energy"]
+    assert energy["plastic_J"] > 0.1 * energy["impact_J"]
+    assert abs(energy["closure"]) < 5e-4

@@ -72,6 +72,14 @@ def test_what_cannot_arrive_is_refused():
     assert [one.arrival_s for one in stones_of(above, "scene")] == [0.0, 0.03]
 
 
+def test_stones_may_touch_whatever_the_places_round_to():
+    small = changed_scene(SCENES / "small.toml", {})
+    assert 0.15 - 0.1 < 0.05 == 2 * small.stones.radius_m
+    assert len(stones_of(one_by_one(small, place_m=[(0.1, 0.0), (0.15, 0.0)]), "scene")) == 2
+    with pytest.raises(InputError, match="stones 1 and 2 overlap"):
+        stones_of(one_by_one(small, place_m=[(0.1, 0.0), (0.1499, 0.0)]), "scene")
+
+
 def test_many_stones_of_a_volley_share_packings_and_are_turned():
     """Up to ten have their own, upright; what a stone is does not hang on the mixing ratio."""
     def volley(count, **changes):

@@ -53,7 +53,7 @@ STREAM = {"size_m": {"rosin_rammler_m": 0.04, "exponent": 2.0, "within": [0.02, 
           "rate_1_s": 40.0, "arrival_s": [0.0, 0.1], "spin_rad_s": [0.0, 5.0]}
 SHAPES = {"block": {"extent_ratios": [0.8, 0.7], "corners": 12}, "cube": "cube.stl"}
 BASED = {"base": "hertz_coal.toml", "without": ["stones.gangue_order"], "name": "based", "assumptions": ["time.duration_s"],
-         "time": {"duration_s": 3e-4, "time_step_s": 1e-7, "co_step": 5, "view_interval_s": 1e-4}, "materials": {"coal": "coal", "gangue": "gangue"},
+         "time": {"duration_s": 3e-4, "time_step_s": 1e-7, "co_step": 5, "view_interval_s": 1.5e-4}, "materials": {"coal": "coal", "gangue": "gangue"},
          "stones": {"count": 3, "positions_m": 0.1, "gangue_ratio": 0.0,
                     "agglomerate": {"subspheres": 8, "contact": "sub_spheres", "unbreakable": True}},
          "scatter": {"seed": 3, "radius_factor": {"lognormal_cv": 0.1}, "density_factor": 1.1, "youngs_modulus_factor": [0.9, 1.1],

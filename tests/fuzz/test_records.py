@@ -87,7 +87,8 @@ def check(named):
         file = here / name
         file.write_bytes(data)
         code, errors = outcome(main, ["features", str(file)])
-        assert code == 0 and not errors or code == 2 and errors.count("\n") == 1 and str(file) in errors, (code, errors)
+        noted = all(line.startswith(f"note: {file}: ") for line in errors.splitlines())
+        assert code == 0 and noted or code == 2 and errors.count("\n") == 1 and str(file) in errors, (code, errors)
         assert [p.name for p in here.iterdir()] == [name]
     finally:
         shutil.rmtree(here)

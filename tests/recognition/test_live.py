@@ -185,6 +185,24 @@ def test_a_stream_that_ends_early_is_held_to_radii_and_speeds_too(drawing, names
     assert code == 3 and "off --radius and --speed, limit 3.5" in events[-1]["not_explained"]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("cut", "said"), [
+    (lambda frames: frames.tobytes()[:-3], "ends within a frame, 13 of 16 bytes"),
+    (lambda frames: np.vstack([frames, np.full((1, 4), np.nan, "<f4"), frames[:9]]).tobytes(), "must be finite")])
+def test_what_breaks_off_loses_no_stone_that_came_before(drawing, names, capsys, cut, said):
+    """A cable that is pulled, and a sample that is none: as one frame less, and an error in place of the end."""
+    here, values, truth = drawing
+    last_s = truth["t_s"][truth["t_s"] > 1.2].iloc[0] + 0.003
+    frames = np.ascontiguousarray(values[:, :round(last_s * RATE_2_Hz)].T)
+    header = {"rate_Hz": RATE_2_Hz, "channels": names}
+    whole = frames if "finite" in said else frames[:-1]
+    code, events, told = piped(capsys, here, sent(whole.T, header))
+    assert code == 0 and sum(one["event"] == "stone" for one in events) > 15 and not told
+    code, broken, told = piped(capsys, here, sent(frames[:0].T, header) + cut(frames))
+    assert code == 2 and said in told and told.count("\n") == 1
+    assert [one for one in broken if one["event"] == "stone"] == [one for one in events if one["event"] == "stone"]
+
+
 HEADER = {"rate_Hz": 20000, "channels": ["acc_north_m_s2"]}
 
 
@@ -198,7 +216,8 @@ HEADER = {"rate_Hz": 20000, "channels": ["acc_north_m_s2"]}
     (sent(np.zeros((1, 9)), HEADER | {"channels": ["attic"]}), (), "at least one of acc_north_m_s2"),
     (sent(np.zeros((1, 9)), HEADER | {"unit": "volt"}), (), "unit = 'volt'; must be one of"),
     (sent(np.zeros((1, 9)), HEADER | {"unit": ["g"]}), (), "unit = ['g']; must be one of"),
-    (sent(np.zeros((2, 9)), HEADER | {"channels": ["north", "acc_north_m_s2"], "unit": "g"}), (), "must be different sensors"),
+    (sent(np.zeros((2, 9)), HEADER | {"channels": ["north", "acc_north_m_s2"], "unit": "m/s^2"}), (), "must be different sensors"),
+    (sent(np.zeros((1, 9)), HEADER | {"unit": "g"}), (), "standard input: acc_north_m_s2: unit = 'g'; samples are in"),
     (sent(np.zeros((1, 9)), HEADER | {"unit": "m/s²"}), (), "--silence 0.04: must be from"),
     (sent(np.r_[np.zeros(500), np.nan][None], HEADER), (), "acc_north_m_s2 at 0.025 s: every sample must be finite"),
     (sent(np.zeros((1, 9)), HEADER)[:-1], (), "ends within a frame, 3 of 4 bytes"),

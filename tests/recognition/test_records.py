@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import RecordError
+from analysis import RecordError, read_record
 from recognition import RecognitionError
 from recognition.estimation.window import Window
-from recognition.plate.records import at_rate, numbers, record_table
+from recognition.plate.records import at_rate, numbers, read_accelerations, record_table
+from recognition.stream.recognise import sensors_of
 
 T_s = np.arange(200) / 8000.0
 X = np.sin(2 * np.pi * 100.0 * T_s)
@@ -18,7 +19,7 @@ G = 9.80665
 
 @pytest.mark.parametrize("name, scale, unit, factor", [
     ("acc_A_m_s2", 1.0, None, 1.0), ("acc_A_m_s2", 2.0, "m/s^2", 2.0), ("A [g]", 1.0, None, G), ("A (mm/s²)", 3.0, "mm/s^2", 3e-3),
-    ("A", 0.1, "g", 0.1 * G), ("acc_A [mV]", 0.01, "g", 0.01 * G), ("acc_A_m_s2", 1.0, "g", G)])
+    ("A", 0.1, "g", 0.1 * G), ("acc_A [mV]", 0.01, "g", 0.01 * G), ("acc_A_m_s2", 0.01, "g", 0.01 * G)])
 def test_units_and_names(tmp_path, name, scale, unit, factor):
     pd.DataFrame({"Zeit [ms]": 1e3 * T_s, name: X, "force_N": X}).to_csv(tmp_path / "a.csv", index=False)
     table, _ = record_table(tmp_path / "a.csv", scale, unit)
@@ -120,7 +121,26 @@ def test_a_rate_far_below_the_models_tells_of_the_unit_of_times():
 def test_what_is_no_acceleration_becomes_none_and_another_unit_needs_a_scale(tmp_path):
     table = pd.DataFrame({"t_s": np.arange(4) / 1e3, "Force [N]": 1.0, "A [V]": 2.0, "B [g]": 3.0})
     table.to_csv(tmp_path / "x.csv", index=False)
-    with pytest.raises(RecordError, match="B: unit = 'm/s.2'; samples are in 'g'"):
+    with pytest.raises(RecordError, match="x.csv: B: unit = 'm/s.2'; samples are in 'g'"):
         record_table(tmp_path / "x.csv", 1.0, "m/s^2")
     found = record_table(tmp_path / "x.csv", 2.0, "m/s^2")[0]
     assert list(found) == ["t_s", "force_N", "acc_A_m_s2", "acc_B_m_s2"] and found["acc_A_m_s2"][0] == 4.0
+
+
+def test_where_no_unit_is_told_the_refusal_says_what_there_is(tmp_path):
+    pd.DataFrame({"t_s": T_s, "A": X, "B [mm/s]": X}).to_csv(tmp_path / "x.csv", index=False)
+    with pytest.raises(RecognitionError, match=r"has t_s, A, B \[mm/s\]; acc_NAME_m_s2 is also NAME \[g\], or NAME with --unit g"):
+        read_accelerations(tmp_path / "x.csv", SimpleNamespace(sensor_names=("A",)))
+    with pytest.raises(RecognitionError, match="has t_s, A; acc_NAME_m_s2 is also"):
+        sensors_of(["t_s", "A"], 2e4, SimpleNamespace(sensor_names=("A",), rod_force_N_m=()), "x.csv")
+
+
+@pytest.mark.parametrize("name, unit", [("acc_A_m_s2", "g"), ("acc_A_m_s2 [g]", None)])
+def test_a_name_that_says_m_s2_is_not_in_another_unit(tmp_path, name, unit):
+    """As `features` refuses it: 9.80665 is in the samples, or it is not."""
+    pd.DataFrame({"t_s": T_s, name: X}).to_csv(tmp_path / "x.csv", index=False)
+    with pytest.raises(RecordError, match=r"x.csv: acc_A_m_s2: unit = 'g'; samples are in 'm/s\^2'"):
+        record_table(tmp_path / "x.csv", 1.0, unit)
+    if unit:
+        with pytest.raises(RecordError, match=r"unit = 'g'; samples are in 'm/s\^2'"):
+            read_record(tmp_path / "x.csv", column=name, unit=unit)

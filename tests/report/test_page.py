@@ -67,6 +67,7 @@ def test_a_run_alone_has_its_page_whatever_its_name_is(tmp_path, monkeypatch, pa
     assert not {"fig-19", "fig-15", "fig-24", "fig-answer"} & set(re.findall(r'id="([^"]+)"', html))
     peak_kN = 1e-3 * read_run(run).peak("force_N")
     assert f"{peak_kN:.3g} kN largest force on the plate" in words and "Missing" not in words
+    assert "m/s² largest acceleration of the plate&#39;s centre of mass" in words
     assert not re.search(r"([\d.]+) to \1\b", words) and str(tmp_path) not in html
     assert not (run / "claims.csv").exists()  # trends are what the paper states
 

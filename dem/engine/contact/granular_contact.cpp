@@ -124,6 +124,7 @@ double GranularContact::like_a_sphere(const NearSphere &p) const {
 
 // When the sub-sphere was deeper by `rise`, m.
 double GranularContact::overlap_before(const NearSphere &p, double rise) const {
+  if (indentation_) return indentation_->overlap_before(p.i, modulus(p.i), p.depth, p.depth + rise);
   return p.face.acts || p.face.force_before > 0 ? overlap_of(p.i, p.face.force_before) : p.overlap + rise;
 }
 

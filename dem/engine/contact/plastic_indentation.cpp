@@ -38,6 +38,13 @@ double PlasticIndentation::press(int i, double modulus, double depth) {
   return force > 0 ? PlasticLaw::hertz_overlap(modulus, R, force) : std::min(depth, -UNPRESSED * R);
 }
 
+// At its largest depth it came along the curve of loading, elsewhere along that of unloading.
+double PlasticIndentation::overlap_before(int i, double modulus, double depth, double before) const {
+  const double R = atom_->radius[i], largest = memory_.row(i)[0];
+  const double force = law_.force(modulus, R, before, depth < largest ? largest : before);
+  return force > 0 ? PlasticLaw::hertz_overlap(modulus, R, force) : 0;
+}
+
 PlasticLaw::Indentation PlasticIndentation::under(int i, double modulus) const {
   return law_.indentation(modulus, atom_->radius[i], memory_.row(i)[0]);
 }

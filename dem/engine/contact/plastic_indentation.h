@@ -21,6 +21,8 @@ class PlasticIndentation {
   // Presses sub-sphere i by `depth` (m) into the plate, `modulus` being E* of the contact, Pa. Returns the overlap at
   // which an elastic contact has the same force, m.
   double press(int i, double modulus, double depth);
+  // That overlap when sub-sphere i, now at `depth`, was at the depth `before` a step ago, m.
+  double overlap_before(int i, double modulus, double depth, double before) const;
   PlasticLaw::Indentation under(int i, double modulus) const;
   const std::vector<double> &energy() const { return energy_; }  // taken by yielding so far, by agglomerate, J
   SphereMemory &memory() { return memory_; }
