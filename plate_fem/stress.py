@@ -23,10 +23,16 @@ def surface_stress(modes: PlateModes, amplitude: np.ndarray) -> np.ndarray:
     >>> surface_stress(modes, np.ones(modes.frequency_Hz.size)).shape == (len(modes.node_m), 3)
     True
     """
-    amplitude, (*at, n) = np.asarray(amplitude, np.float32), modes.surface_stress.shape
+    amplitude, n = np.asarray(amplitude, np.float32), modes.surface_stress.shape[-1]
     if amplitude.shape[:1] != (n,) or not np.isfinite(amplitude).all():
         raise InputError(f"amplitude: has shape {amplitude.shape}; must be finite, one of each of {n} modes")
-    return (modes.surface_stress.reshape(-1, n) @ amplitude).reshape(*at, *amplitude.shape[1:]).astype(float)
+    return _stress(modes.surface_stress, amplitude)
+
+
+def _stress(of_modes: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
+    """(k, 3, ...) from that of n modes (k, 3, n) and amplitudes (n, ...)."""
+    *at, n = of_modes.shape
+    return (of_modes.reshape(-1, n) @ amplitude).reshape(*at, *amplitude.shape[1:]).astype(float)
 
 
 def von_mises(stress: np.ndarray) -> np.ndarray:
@@ -48,31 +54,36 @@ class StressPeak:
     A node is near a rod when it lies within a diameter of its axis. There the stress is only indicative.
     """
 
+    PATCH = 256  # nodes that follow each other, for which is found at once whether a motion could bring the peak
+
     def __init__(self, modes: PlateModes, rods: Sequence[Rod]) -> None:
-        self._node_m = modes.node_m
-        self._modes = modes
+        self._node_m, self._of_modes = modes.node_m, modes.surface_stress
         near = np.zeros(len(self._node_m), bool)
         for rod in rods:
             near |= np.hypot(*(self._node_m - (rod.x_m, rod.y_m)).T) < rod.diameter_m
-        self._nodes = [np.flatnonzero(~near), np.flatnonzero(near)]
+        self._patches = [slice(k, k + self.PATCH) for k in range(0, len(near), self.PATCH)]
+        self._nodes = [(np.flatnonzero(~near[patch]), np.flatnonzero(near[patch])) for patch in self._patches]
         self._best = np.zeros((2, 3))  # of both: von Mises stress squared, node, time
         # Von Mises stress is a norm, so that of a sum is at most the sum of those of the modes.
         units = (von_mises(np.moveaxis(part.surface_stress.astype(float), 1, 2)) for part in modes.parts())
-        self._largest = np.hstack([[unit[nodes].max(axis=0, initial=0.0) for nodes in self._nodes] for unit in units])
+        self._largest = np.concatenate([[[unit[patch][nodes].max(axis=0, initial=0.0) for nodes in both] for patch, both
+                                         in zip(self._patches, self._nodes, strict=True)] for unit in units], axis=2)
 
     def add(self, t_s: np.ndarray, amplitude: np.ndarray) -> None:
         """Note the modal amplitudes (k, n) at the times t_s (k,)."""
         t_s, amplitude = np.asarray(t_s), np.asarray(amplitude)
-        above = ((np.abs(amplitude) @ self._largest.T) ** 2 > self._best[:, 0]).any(axis=1)
-        if not above.any():
-            return
-        sx, sy, txy = np.moveaxis(surface_stress(self._modes, amplitude[above].T), 1, 0)
-        squared = sx * (sx - sy) + sy**2 + 3 * txy**2
-        for best, nodes in zip(self._best, self._nodes, strict=True):
-            if len(nodes):
-                node, k = np.unravel_index(squared[nodes].argmax(), (len(nodes), squared.shape[1]))
-                if squared[nodes[node], k] > best[0]:
-                    best[:] = squared[nodes[node], k], nodes[node], t_s[above][k]
+        above = ((self._largest @ np.abs(amplitude).T) ** 2 > self._best[:, :1]).any(axis=1)  # (patches, k)
+        for patch, both, rows in zip(self._patches, self._nodes, above, strict=True):
+            if not rows.any():
+                continue
+            stress = _stress(self._of_modes[patch], np.asarray(amplitude[rows].T, np.float32))
+            sx, sy, txy = np.moveaxis(stress, 1, 0)
+            squared = sx * (sx - sy) + sy**2 + 3 * txy**2
+            for best, nodes in zip(self._best, both, strict=True):
+                if len(nodes):
+                    node, k = np.unravel_index(squared[nodes].argmax(), (len(nodes), squared.shape[1]))
+                    if squared[nodes[node], k] > best[0]:
+                        best[:] = squared[nodes[node], k], patch.start + nodes[node], t_s[rows][k]
 
     def get_state(self) -> dict[str, np.ndarray]:
         return {"peak": self._best.copy()}

@@ -250,10 +250,10 @@ def dof_scale(packing: Packing) -> np.ndarray:
     return scale.ravel()
 
 
-def solve_static(matrix: csr_matrix, load: np.ndarray, scale: np.ndarray, tolerance: float = 1e-10) -> np.ndarray:
+def solve_static(matrix: csr_matrix, load: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Conjugate gradients; of a free body the load must be balanced, and the motion found is one of many."""
     scaled = diags(scale) @ matrix @ diags(scale)
-    solution, failed = cg(scaled, scale * load, rtol=tolerance, maxiter=20000, M=diags(1 / scaled.diagonal()))
+    solution, failed = cg(scaled, scale * load, rtol=1e-10, maxiter=20000, M=diags(1 / scaled.diagonal()))
     if failed:
         raise RuntimeError("the bond network has no equilibrium that conjugate gradients could find")
     return scale * solution

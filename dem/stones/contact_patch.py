@@ -20,6 +20,7 @@ part of its area that is nearer to it than to the others (by the power distance 
 between this part and the centre of the sub-sphere carries the contact of the face (docs/contact.md).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
@@ -27,13 +28,14 @@ from typing import Self
 import numpy as np
 from scipy.linalg import cholesky_banded
 from scipy.linalg.lapack import dtbtrs
-from scipy.sparse import csr_matrix, diags_array
+from scipy.sparse import bsr_array, csr_array, diags_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
+from scipy.sparse.linalg import LinearOperator, cg
 from scipy.spatial import cKDTree
 
 from common.files.cache import cached, key_of
 from common.scene.scene import BondTable
-from dem.stones.bonds import Bonds, dof_scale, solve_static, stiffness_matrix
+from dem.stones.bonds import Bonds, dilatations, dof_scale, stiffness_matrix
 from dem.stones.packing import Packing, SphereContainer
 from dem.stones.solids import Solid
 
@@ -41,6 +43,7 @@ PATCH_RADIUS = 0.4      # b/R
 SURFACE_DEPTH = 0.5     # a sub-sphere is of the surface if it reaches nearer to it than this share of its own radius
 SOLVER_TOLERANCE = 1e-6
 MOST_FACTORED = 1000      # sub-spheres: factors of a larger network take longer than conjugate gradients
+GROUPS = 128              # of sub-spheres, whose motions as rigid bodies conjugate gradients need not find
 FIRST_AXIS = np.array([0.0, 0.0, -1.0])  # of a stone that does not turn before its first contact
 # The twelve corners of an icosahedron: for contacts after the first
 OTHER_AXES = np.array([np.roll([0.0, a, b * (1 + 5**0.5) / 2], k) for k in range(3) for a in (-1, 1) for b in (-1, 1)])
@@ -78,8 +81,7 @@ def patch_compliance(packing: Packing, bonds: Bonds, modulus_Pa: float, stiffnes
     """(k, 2) compression of the bond network per force on the patch about each of the `axes` (k, 3), unit vectors
     outwards, m/N: normal to the surface, and along it, the mean of two directions. Modulus and ratios are of the bonds.
     """
-    network = _FreeNetwork(packing, stiffness_matrix(len(packing.radius_m), bonds, modulus_Pa, stiffness_ratio,
-                                                     volumetric_ratio))
+    network = _FreeNetwork(packing, bonds, modulus_Pa, stiffness_ratio, volumetric_ratio)
     loads = []
     for axis in axes:
         lever = (_sphere_radius_m(packing) - packing.center_m @ axis)[:, None] * axis
@@ -119,15 +121,16 @@ class _FreeNetwork:
     """Static compliance of a bond network that nothing holds: a load is balanced by the inertia of the body that it
     accelerates, and displacements count from the body's mean motion."""
 
-    def __init__(self, packing: Packing, matrix: csr_matrix):
+    def __init__(self, packing: Packing, bonds: Bonds, *elasticity: float):
+        """`elasticity`: modulus and ratios of the bonds, as in `patch_compliance`."""
         self._share = packing.radius_m[:, None] ** 3 / (packing.radius_m**3).sum()  # of the mass
         self._arm = packing.center_m - self._share.T @ packing.center_m
         self._own_inertia = 0.4 * self._share * packing.radius_m[:, None] ** 2
         self._inertia = (((self._share * self._arm**2).sum() + self._own_inertia.sum()) * np.eye(3)
                          - (self._share * self._arm).T @ self._arm)
-        self._matrix = matrix
         self._scale = dof_scale(packing)
-        self._factors = self._held_factors() if len(packing.radius_m) <= MOST_FACTORED else None
+        find = _by_factors if len(packing.radius_m) <= MOST_FACTORED else _by_iteration
+        self._energies = find(packing, bonds, self._scale, *elasticity)
 
     def balanced(self, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
         """Loads (k, n, 6): `force` and `torque` (k, n, 3) with what the acceleration of the body takes off each
@@ -141,23 +144,60 @@ class _FreeNetwork:
     def compliance_m_N(self, load: np.ndarray) -> np.ndarray:
         """Of balanced loads (k, n, 6) that push with 1 N: twice the energy that each stores, as its mean displacement
         counts from that of the body."""
-        load = load.reshape(len(load), -1)
-        if self._factors is None:
-            return np.array([one @ solve_static(self._matrix, one, self._scale, SOLVER_TOLERANCE) for one in load])
-        order, band = self._factors
-        half, _ = dtbtrs(band, (self._scale * load)[:, order].T, uplo="L")
-        return np.asarray((half**2).sum(axis=0))
+        return self._energies(self._scale * load.reshape(len(load), -1))
 
-    def _held_factors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the network whose first sub-sphere is held, which a balanced load does not pull at: its unknowns in an
-        order that makes the matrix a band, and Cholesky's lower factor."""
-        scaled = (diags_array(self._scale) @ self._matrix @ diags_array(self._scale)).tocsr()
-        order = 6 + reverse_cuthill_mckee(scaled[6:, 6:], symmetric_mode=True)
-        entry = scaled[order][:, order].tocoo()
-        below, lower = entry.row - entry.col, entry.row >= entry.col
-        band = np.zeros((below.max() + 1, len(order)), order="F")  # which LAPACK overwrites in place
-        band[below[lower], entry.col[lower]] = entry.data[lower]
-        return order, cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False)
+
+# Gives twice the energy (k,) that each of some scaled loads (k, 6 n) stores.
+Energies = Callable[[np.ndarray], np.ndarray]
+
+
+def _by_factors(packing: Packing, bonds: Bonds, scale: np.ndarray, *elasticity: float) -> Energies:
+    """By Cholesky's lower factor of the network whose first sub-sphere is held, which a balanced load does not pull at,
+    with its unknowns in an order that makes the matrix a band."""
+    matrix = stiffness_matrix(len(packing.radius_m), bonds, *elasticity)
+    scaled = (diags_array(scale) @ matrix @ diags_array(scale)).tocsr()
+    order = 6 + reverse_cuthill_mckee(scaled[6:, 6:], symmetric_mode=True)
+    entry = scaled[order][:, order].tocoo()
+    below, lower = entry.row - entry.col, entry.row >= entry.col
+    band = np.zeros((below.max() + 1, len(order)), order="F")  # which LAPACK overwrites in place
+    band[below[lower], entry.col[lower]] = entry.data[lower]
+    factor = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False)
+    return lambda load: np.asarray((dtbtrs(factor, load[:, order].T, uplo="L")[0] ** 2).sum(axis=0))
+
+
+def _by_iteration(packing: Packing, bonds: Bonds, scale: np.ndarray, modulus_Pa: float, stiffness_ratio: float,
+                  volumetric_ratio: float) -> Energies:
+    """By conjugate gradients, preconditioned by the diagonal and, what it would take them long to find, the response of
+    groups of sub-spheres as rigid bodies. The dilatations tie neighbours of neighbours, so that the product of their
+    matrices is never formed: it has more entries than the beams."""
+    n, scaling = len(packing.radius_m), diags_array(scale)
+    beams = bsr_array(scaling @ stiffness_matrix(n, bonds, modulus_Pa, stiffness_ratio) @ scaling, blocksize=(6, 6))
+    volume_m3, strain = dilatations(n, bonds)
+    dilated = csr_array(diags_array(np.sqrt(volumetric_ratio * modulus_Pa * volume_m3)) @ strain @ scaling)
+    moved = _rigid_motions(packing, scale)
+    back, onto = dilated.T.tocsr(), moved.T.tocsr()
+    coarse = np.linalg.pinv((onto @ (beams @ moved) + onto @ (back @ (dilated @ moved))).toarray(), 1e-10, True)
+    diagonal = beams.diagonal() + dilated.power(2).sum(axis=0)
+    stiffness = LinearOperator(beams.shape, lambda u: beams @ u + back @ (dilated @ u), dtype=float)
+    nearly = LinearOperator(beams.shape, lambda load: load / diagonal + moved @ (coarse @ (onto @ load)), dtype=float)
+
+    def energy(load: np.ndarray) -> float:
+        motion, failed = cg(stiffness, load, rtol=SOLVER_TOLERANCE, maxiter=20000, M=nearly)
+        if failed:
+            raise RuntimeError("the bond network has no equilibrium that conjugate gradients could find")
+        return float(load @ motion)
+
+    return lambda loads: np.array([energy(load) for load in loads])
+
+
+def _rigid_motions(packing: Packing, scale: np.ndarray) -> csr_array:
+    """(6 n, 6 groups), scaled: groups are of sub-spheres that follow each other, which are neighbours in space."""
+    n = len(packing.radius_m)
+    group = np.arange(n) * GROUPS // n
+    center_m = np.column_stack([np.bincount(group, x) / np.bincount(group) for x in packing.center_m.T])
+    motion = np.tile(np.eye(6), (n, 1, 1))
+    motion[:, :3, 3:] = np.cross(np.eye(3), (packing.center_m - center_m[group])[:, None]).swapaxes(1, 2)
+    return bsr_array((motion / scale.reshape(n, 6, 1), group, np.arange(n + 1)), shape=(6 * n, 6 * GROUPS)).tocsr()
 
 
 BEHIND = 0.5      # of its radius: the gap of a sub-sphere that lies behind a face

@@ -204,13 +204,15 @@ class _Swelling:
         """-dH/dx (n, 3) and -dH/d(ln s)."""
         self._refresh_neighbours()
         x = np.ascontiguousarray(self.x.T)
-        branch = x.take(self.j, axis=1) - x.take(self.i, axis=1)
+        branch = x.take(self.j, axis=1)
+        branch -= x.take(self.i, axis=1)
         distance = np.sqrt((branch**2).sum(0))
-        sigma = self.scale * self.sigma
-        touching = np.flatnonzero(distance < sigma)
-        i, j, distance, sigma = self.i[touching], self.j[touching], distance[touching], sigma[touching]
+        touching = np.flatnonzero(distance < self.scale * self.sigma)
+        i, j, distance, sigma = (one.take(touching) for one in (self.i, self.j, distance, self.sigma))
+        sigma *= self.scale
         overlap = 1 - distance / sigma
-        push = overlap / (sigma * distance) * branch.take(touching, axis=1)
+        push = branch.take(touching, axis=1)
+        push *= overlap / (sigma * distance)
         force = np.zeros_like(self.x)
         for k, along in enumerate(push):
             force[:, k] += np.bincount(j, along, self.n) - np.bincount(i, along, self.n)

@@ -1,17 +1,18 @@
 """What whole scenes cost: preparation, memory and a step, of stones of the paper's coal on a rigid plate.
 
-The time of a step is LIGGGHTS' own, from 20 us before the impact on, by one rank and by two, on a machine that has
-nothing else to do. Packing and peak memory are those of the whole preparation, in a process of its own. Stones share
-one packing, whose time is taken times their number: memory and steps do not know.
+A step is processor time of the engine, of a run from 20 us before the impact on less one of no steps, so that other
+programs on the machine matter little; scenes take turns, and a figure is the median of the rounds. Preparation and
+its peak memory are those of processes of their own. Stones share one packing, whose time is taken times their number:
+memory and steps do not know.
 """
 
 from __future__ import annotations
 
 import resource
-import tempfile
+import shutil
 import time
 from collections.abc import Iterator
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -23,15 +24,15 @@ from common.process.processes import apart
 from common.scene.scene import Scene, changed_scene
 from dem.coupling.launch import mpirun
 from dem.deck.render import write_deck
-from dem.run.prepare import prepare
-from dem.stones.packing import Packing, REFERENCE_RADIUS_m, pack_sphere
+from dem.run.prepare import PreparedRun, prepare
+from dem.stones.packing import Packing, packed
 from lab.rock.stone import RIGID, SCENES
-from lab.speed.engine import engine_run
+from lab.speed.engine import Used, engine_run
 from lab.study import Row
 
-CASES = [(10, 500), (10, 1000), (10, 2000), (10, 5000), (10, 10_000), (60, 500), (60, 10_000)]
-TWO_RANKS = 10  # stones of the cases that two ranks run too
-PARTICLE_STEPS = 10_000_000
+CASES = [(10, 500), (10, 2000), (20, 10_000)]
+OF_CACHE = (10, 2000)  # the case that steps of larger ones are compared with
+PARTICLE_STEPS, LEAST_STEPS = 10_000_000, 300
 SPACING_m = 0.055
 PAPER_s = 0.04
 
@@ -48,37 +49,60 @@ def scene(stones: int, subspheres: int) -> Scene:
         "time.free_flight_tolerance": 0.0})  # which one rank alone could use
 
 
-def measure(stones: int, subspheres: int) -> dict[str, Any]:
-    """Of one scene. Peak memory of this process needs one that measures nothing else."""
-    began = time.process_time()
-    packing = pack_sphere(REFERENCE_RADIUS_m, subspheres, 20011)
-    packing_s = time.process_time() - began
+def prepared(stones: int, subspheres: int) -> PreparedRun:
+    return prepare(scene(stones, subspheres), "paper.toml", None)
 
-    def shared(*_: Any) -> Packing:
-        return packing
 
+def of_one(stones: int, subspheres: int) -> float:
+    """Processor time of packing and compliance of so many stones: that of one times their number."""
     began = time.process_time()
+    prepared(1, subspheres)
+    return stones * (time.process_time() - began)
+
+
+def deck_of(stones: int, subspheres: int, deck: Path) -> dict[str, Any]:
+    """Write the deck. Peak memory of this process needs one that does nothing else."""
+    kept = deck.parent / "cache"
+
+    def shared(solid: None, count: int, seed: int, cache_dir: Path | None) -> Packing:
+        return packed(solid, count, 1, kept)
+
     with patch.object(dem.stones.assembly, "packed", shared):
-        model = prepare(scene(stones, subspheres), "paper.toml", None)
-    prepared_s = time.process_time() - began + stones * packing_s
-    python_MB = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    with tempfile.TemporaryDirectory() as here:
-        deck = Path(here) / "deck"
-        write_deck(deck, model.scene, model.assembly, model.step, None)
-        deck_MB = sum(f.stat().st_size for f in deck.iterdir()) / 1e6
-        steps = max(60, PARTICLE_STEPS // model.assembly.n_particles)
-        used = engine_run(deck, steps)
-        ms = {ranks: 1e3 / steps * min(engine_run(deck, steps, tuple(mpirun(ranks))).loop_s for _ in range(2))
-              for ranks in (1, 2) if stones == TWO_RANKS}
-    step_ms = 1e3 * used.loop_s / steps
-    return {"bonds": model.assembly.n_bonds, "packing_s": stones * packing_s, "prepared_s": prepared_s,
-            "python_MB": python_MB, "engine_MB": used.memory_MB, "deck_MB": deck_MB, "dt_us": 1e6 * model.step.dt_s,
-            "ms_per_step": step_ms, "ms_of_two_ranks": ms.get(2), "speed_up": ms[1] / ms[2] if ms else None,
-            "hours_of_a_run": step_ms / 1e3 * PAPER_s / model.step.dt_s / 3600}
+        model = prepare(scene(stones, subspheres), "paper.toml", kept)
+    write_deck(deck, model.scene, model.assembly, model.step, None)
+    return {"particles": model.assembly.n_particles, "bonds": model.assembly.n_bonds, "dt_us": 1e6 * model.step.dt_s,
+            "python_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+            "deck_MB": sum(f.stat().st_size for f in deck.iterdir()) / 1e6}
 
 
-def scaling(out: Path) -> Iterator[Row]:
+def measured(work: Path, rounds: int, ranks: int) -> dict[tuple[int, int], dict[str, Any]]:
+    """Of all cases, whose engines take turns."""
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir(parents=True)
+    of = {case: apart(partial(deck_of, *case, work / f"{case[0]}_{case[1]}")) for case in CASES}
+    taken: dict[tuple[int, int], list[float]] = {case: [] for case in CASES}
+
+    def run(case: tuple[int, int], steps: int) -> Used:
+        return engine_run(work / f"{case[0]}_{case[1]}", steps, tuple(mpirun(ranks)))
+
+    for _ in range(rounds):
+        for case, figures in of.items():
+            steps = max(LEAST_STEPS, PARTICLE_STEPS // figures["particles"])
+            idle, used = run(case, 0), run(case, steps)
+            figures["engine_MB"] = used.memory_MB
+            taken[case].append((used.cpu_s - idle.cpu_s) / steps / figures["particles"])
+    for case, figures in of.items():
+        step_s = float(np.median(taken[case])) * figures["particles"]
+        figures |= {"ns_per_subsphere": 1e9 * float(np.median(taken[case])), "ms_per_step": 1e3 * step_s,
+                    "over_20000": float(np.median(np.divide(taken[case], taken[OF_CACHE]))),
+                    "hours_of_a_run": step_s * PAPER_s / (1e-6 * figures["dt_us"]) / 3600}
+    shutil.rmtree(work)
+    return of
+
+
+def scaling(out: Path, rounds: int = 3, ranks: int = 1) -> Iterator[Row]:
     """Numbers of stones and of sub-spheres."""
-    for stones, subspheres in CASES:
-        yield Row({"stones": stones, "subspheres": subspheres},
-                  partial(apart, partial(measure, stones, subspheres)))
+    found = cache(partial(measured, out / "scaling", rounds, ranks))
+    for case in CASES:
+        yield Row({"stones": case[0], "subspheres": case[1]},
+                  lambda case=case: {"prepared_s": apart(partial(of_one, *case)), **found()[case]})  # type: ignore[misc]

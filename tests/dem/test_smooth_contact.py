@@ -281,6 +281,7 @@ def test_factors_and_conjugate_gradients_find_the_same_compliance(monkeypatch):
     bonds, axes = bond_network(packing), np.eye(3)
     factored = patch_compliance(packing, bonds, 1e9, 4.0, axes, 0.3)
     monkeypatch.setattr("dem.stones.contact_patch.MOST_FACTORED", 0)
+    monkeypatch.setattr("dem.stones.contact_patch.GROUPS", 20)
     monkeypatch.setattr("dem.stones.contact_patch.SOLVER_TOLERANCE", 1e-10)
     iterated = patch_compliance(packing, bonds, 1e9, 4.0, axes, 0.3)
     assert factored == pytest.approx(iterated, rel=1e-7)
