@@ -8,14 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from common import hertz
-from common.scene.error_laws import law_of, setting_for
+from common.scene.error_laws import laws_of
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from common.tables import InputError
 from dem.deck.contact import damping_ratio, elastic_damping_ratio, stiffest_face_N_m, stone_columns_N_m
 from dem.stones.assembly import Assembly
-from dem.stones.stone import Stone, impact_speed_m_s, places_m, substances_of
-from plate_fem.modes import PlateModes
+from dem.stones.stone import Stone, impact_speed_m_s, substances_of
 
 BOND_FRACTION = 0.3      # of t0 = min sqrt(m r0/(E A)), if `bond_fraction` allows it
 DAMPED_SHARE = 0.8       # of the limit of damped bonds, see `bond_fraction`
@@ -36,7 +35,6 @@ FACE_SHARE = 0.3
 # the push is this share of a stone's peak force and nothing comes faster than this share of the impact; and never more
 # than.
 WEAK_FORCE_SHARE, WEAK_SPEED_SHARE, MOST_CO_STEPS = 1e-3, 0.1, 16
-TOGETHER_s = 0.1  # stones that arrive within this time are taken to touch at once
 MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
 FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz,
 FAST_Hz = 200e3          # and of slower samples as many as give this
@@ -96,15 +94,15 @@ def step_limits(scene: Scene, assembly: Assembly, file: str) -> StepLimits:
             limits["faces"] = face_fraction(assembly, scene.agglomerate.damping_ratio, least, bond_time) * bond_time
     co_step = min(stone_contact / CO_STEPS_IN_CONTACT, contact / CO_STEPS_IN_FRAGMENT_CONTACT)
     if scene.tolerance is not None:
-        setting, unit = ("contact", stone_contact) if bond_time is None else ("time_step", bond_time)
-        limits["tolerance"] = setting_for(setting, scene.tolerance) * unit
-        co_step = min(co_step, setting_for(law_of("co_step", bond_time is not None), scene.tolerance) * stone_contact)
+        of_step, of_co_step, _ = scene.settings
+        limits["tolerance"] = of_step * (stone_contact if bond_time is None else bond_time)
+        co_step = min(co_step, of_co_step * stone_contact)
     _counted_steps(scene, _largest_step_s(scene, limits, file), scene.time.co_step or 1, file)
     return StepLimits(limits, co_step, assembly.stones, bond_time, stone_contact, stiffest_face_N_m(assembly))
 
 
 def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float | None = None) -> TimeStep:
-    """Choose the step and the co-step; `mobility_1_kg` is that of a flexible plate (`plate_mobility_1_kg`).
+    """Choose the step and the co-step; `mobility_1_kg` is that of a flexible plate (plate_fem.impact).
 
     Raises InputError if the scene's own `time.time_step_s` or `time.co_step` is above a limit.
     """
@@ -204,12 +202,10 @@ def weak_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> WeakContac
 def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float]:
     """The numerical settings of a run by their names in common/scene/error_laws.py, with the plate's frequency."""
     contact = stone_contact_time_s(assembly)
-    settings = ({"contact": step.dt_s / contact} if step.bond_time_s is None else
-                {"time_step": step.dt_s / step.bond_time_s})
+    settings = [step.dt_s / (contact if step.bond_time_s is None else step.bond_time_s)]
     if isinstance(scene.plate, FlexiblePlate) and scene.plate.max_frequency_Hz is not None:
-        settings |= {law_of("co_step", assembly.n_bonds > 0): step.co_step * step.dt_s / contact,
-                     law_of("modes", assembly.n_bonds > 0): 1 / (scene.plate.max_frequency_Hz * contact)}
-    return settings
+        settings += [step.co_step * step.dt_s / contact, 1 / (scene.plate.max_frequency_Hz * contact)]
+    return dict(zip(laws_of(assembly.n_bonds > 0), settings, strict=False))  # of a rigid plate the first alone
 
 
 def bond_time_s(assembly: Assembly) -> float | None:
@@ -345,20 +341,3 @@ def coupling_limits_s(scene: Scene, stones: Sequence[Stone], mobility_1_kg: floa
         if dashpot > 0:
             limits["coupling_dashpot"] = min(limits["coupling_dashpot"], DASHPOT_SHARE / (dashpot * mobility_1_kg))
     return {name: limit for name, limit in limits.items() if np.isfinite(limit)}
-
-
-def plate_mobility_1_kg(modes: PlateModes, position_m: np.ndarray) -> float:
-    """How much the plate under a stone accelerates at once for a force of 1 N on every stone, at most: the largest row
-    sum of |phi phi^T| over the stones' places (k, 2)."""
-    shape = modes.shape_at(position_m)
-    return float(np.abs(shape @ shape.T).sum(axis=1).max())
-
-
-def mobility_of_stones_1_kg(modes: PlateModes, stones: Sequence[Stone]) -> float:
-    """`plate_mobility_1_kg` of the stones that arrive within TOGETHER_s of each other, at most. What fell long before
-    lies still or has left."""
-    order = sorted(range(len(stones)), key=lambda k: stones[k].arrival_s)
-    arrival, place = np.array([stones[k].arrival_s for k in order]), places_m(stones)[order]
-    ends = np.searchsorted(arrival, arrival + TOGETHER_s, side="right")
-    starts = np.flatnonzero(np.diff(ends, prepend=0) > 0)  # of windows that hold a stone that no one before does
-    return max(plate_mobility_1_kg(modes, place[k:ends[k]]) for k in starts)

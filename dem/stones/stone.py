@@ -80,12 +80,8 @@ class Substance:
 
 def substances_of(scene: Scene) -> dict[str, Substance]:
     """The materials that may fall, in alphabetic order."""
-    found = {}
-    for name in scene.falling_materials:
-        contacts = {other: scene.contact_of(name, other) for other in (*scene.falling_materials, PLATE)}
-        found[name] = Substance(name, 1.0, 0.0, scene.kind_of(name) or "", scene.materials[name],
-                                {other: one for other, one in contacts.items() if one is not None}, scene.plate)
-    return found
+    return {name: Substance(name, 1.0, 0.0, scene.kind_of(name) or "", scene.materials[name], contacts, scene.plate)
+            for name, contacts in scene.falling_contacts.items()}
 
 
 def flaw_factors(modulus: float | None, length_m: float | None, seed: int, place_m: np.ndarray) -> np.ndarray:
