@@ -12,10 +12,9 @@ import numpy as np
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from common.scene.stones import KINDS
-from dem.deck.time_step import Body
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
 from dem.stones.bonds import CRACK_AREA
-from dem.stones.stone import Stone, substances_of
+from dem.stones.stone import Body, Stone, substances_of
 
 GRAVITY_m_s2, JUPITER_m_s2 = 9.81, 25.0
 DIAMOND_Pa, CORK_kg_m3, RUBBER = 1.22e12, 120.0, 2.0

@@ -33,6 +33,9 @@ from plate_fem.impact import deflection_warnings
 from plate_fem.motion import FILE
 
 _log = logging.getLogger(__name__)
+# Of the broken bonds; bond and agglomerate count from 1.
+EVENTS = {"bond": int, "agglomerate": int, "x_m": float, "y_m": float, "z_m": float, "mode": str, "stress_Pa": float,
+          "energy_J": float, "area_m2": float}
 # Of the bodies that were taken out when they had left the plate for good, in order of time.
 LEFT = {"agglomerate": int, "subspheres": int, **dict.fromkeys((
     "mass_kg", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "kinetic_J", "elastic_J"), float)}
@@ -102,13 +105,6 @@ def samples_of(fast: Columns, every: int, anti_alias: bool) -> Columns:
     return {name: values[::every] if name == "t_s" else low(values) for name, values in fast.items()}
 
 
-def read_events(file: Path, step: TimeStep) -> Columns:
-    """Read the broken bonds, one row each: t_s, bond (1-based), agglomerate (1-based), place, mode, stress, energy,
-    area."""
-    return read_text_columns(file, step, {"bond": int, "agglomerate": int, "x_m": float, "y_m": float, "z_m": float,
-                                          "mode": str, "stress_Pa": float, "energy_J": float, "area_m2": float})
-
-
 def read_text_columns(file: Path, step: TimeStep, kinds: dict[str, type]) -> Columns:
     """Read a file of the engine with values between commas under a line of names, "step" and those of `kinds`, with
     the time t_s in place of the step; no rows where there is no file. Raises ValueError for another file."""
@@ -145,7 +141,7 @@ def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun
     """Write the tables and pictures of a run, from what the engine left in `deck`, to the path that `file` gives for
     each name. Raises Unstable if the energy does not close."""
     scene, step, assembly = prepared.scene, prepared.step, prepared.assembly
-    pushes, events = read_forces(deck / "forces.bin"), read_events(deck / "events.csv", step)
+    pushes, events = read_forces(deck / "forces.bin"), read_text_columns(deck / "events.csv", step, EVENTS)
     fast = fast_stream(step, pushes, plate.signals(range(0, step.steps + 1, step.fast_steps)),
                        0 if assembly.is_stream else len(assembly.stones))
     signals = samples_of(fast, step.sample_steps // step.fast_steps, scene.time.anti_alias)
