@@ -20,7 +20,7 @@ from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from dem.coupling.pipes import CheckpointMessage, CouplingError, FinishedMessage, ForceMessage, PlatePipes
 from dem.deck.time_step import PictureSchedule, TimeStep, picture_schedule
-from dem.run.directory import BY_HAND, State, plate_file, read_plate_state, write_plate_state
+from dem.run.directory import BY_HAND, State, half_of, read_plate_state, write_plate_state
 from dem.run.energy_balance import PlateEnergy, PlateMonitor
 from dem.run.paraview import Mesh, PlateMeshes
 from dem.run.prepare import PreparedRun
@@ -122,9 +122,7 @@ class PlateRecorder:
     def __init__(self, scene: Scene, modes: PlateModes, step: TimeStep, pictures: PictureSchedule | None,
                  check: Callable[[np.ndarray, np.ndarray], None]):
         self.motion = ModalMotion(modes, step.co_step * step.dt_s)
-        self._step = step
-        self._pictures = pictures
-        self._check = check
+        self._modes, self._step, self._pictures, self._check = modes, step, pictures, check
         assert isinstance(scene.plate, FlexiblePlate)  # the other has no motion to record
         by_kind = {kind: [s for s in scene.plate.sensors if s.kind == kind] for kind in SENSORS}
         self._mean = modes.mean_shape
@@ -211,10 +209,10 @@ class PlateRecorder:
         self._evaluate()
         return dict(zip(self.columns, self._rows().T, strict=True))
 
-    def recorded(self, modes: PlateModes) -> RecordedMotion:
+    def recorded(self) -> RecordedMotion:
         self._evaluate()
         t_s = np.array(self.steps[::self._every]) * self._step.dt_s
-        return RecordedMotion(modes, t_s, *self._of_samples())
+        return RecordedMotion(self._modes, t_s, *self._of_samples())
 
 
 class PlateOfRun:
@@ -264,18 +262,17 @@ class FlexiblePlateOfRun(PlateOfRun):
 
     def __init__(self, prepared: PreparedRun, modes: PlateModes):
         scene, step = prepared.scene, prepared.step
-        self._modes, self._step = modes, step
         assert isinstance(scene.plate, FlexiblePlate)
         self._meshes = PlateMeshes(modes, scene.plate)
         self._recorder = PlateRecorder(scene, modes, step, picture_schedule(scene, prepared.assembly, step),
                                        PlateMonitor(scene, prepared.assembly))
         self._motion = self._recorder.motion
         self._participant = PlateParticipant(self._motion, step, self._recorder)
-        self.n_modes = len(self._motion.amplitude)
+        self.n_modes = len(modes.frequency_Hz)
         self._pipes: PlatePipes | None = None
 
     def restore(self, deck: Path, dem_step: int, identity: str) -> None:
-        kept = read_plate_state(plate_file(deck / "checkpoint", dem_step), identity)
+        kept = read_plate_state(half_of(deck / "checkpoint", "plate", dem_step), identity)
         one = self._participant
         one.dem_step, one.co_steps, one.extrapolated_co_steps = (int(number) for number in kept["coupling"])
         one.last_force = kept["last_force"]
@@ -317,7 +314,7 @@ class FlexiblePlateOfRun(PlateOfRun):
         return self._recorder.signals()
 
     def recorded_motion(self) -> RecordedMotion | None:
-        return self._recorder.recorded(self._modes)
+        return self._recorder.recorded()
 
     def energy(self) -> PlateEnergy:
         motion = self._motion
