@@ -1,6 +1,6 @@
 """Names of the signals of a run, which are columns of signals.parquet and fast.parquet, and their units.
 
-Each name ends in its unit, in scenes, tables and code alike. What a kind of sensor measures: `dem.record.recorder`.
+Each name ends in its unit, in scenes, tables and code alike. What a kind of sensor measures: `dem.run.participants`.
 """
 
 import re

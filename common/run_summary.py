@@ -145,7 +145,7 @@ class RunSummary(Recorded):
     wall_impulse_N_s: dict[str, list[float]] | None = None  # x, y, z on each side wall, by its edge
     plate: dict[str, float] | None = None  # largest absolute value of each signal of the plate
     yield_: YieldReport | None = Field(default=None, alias="yield")
-    energy: dict[str, Any] | None = None  # dem.record.energy_balance.energy_ledger
+    energy: dict[str, Any] | None = None  # dem.run.energy_balance.energy_ledger
     rebound_speed_m_s: list[float] | None = None  # at the end, upwards, after gravity's work
     n_samples: int | None = None
     wall_time_s: dict[str, float] = {}  # by stage

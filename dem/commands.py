@@ -15,9 +15,9 @@ from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.coupling.launch import build_engine as make_engine
 from dem.deck.render import write_deck
-from dem.record.energy_balance import PlateEnergy
 from dem.run import run as runs
 from dem.run.directory import SUFFIX
+from dem.run.energy_balance import PlateEnergy
 from dem.run.participants import participant_of
 from dem.run.prepare import prepare
 

@@ -200,7 +200,7 @@ def plate_modes(plate: FlexiblePlate, cache_dir: str | Path | None = None,
     cache_dir = None if cache_dir is None else Path(cache_dir)
     points = None if residual_points_m is None else refuse_off_plate(
         np.reshape(residual_points_m, (-1, 2)), *([-side / 2, side / 2] for side in plate.size_m))
-    names = [one.name for one in fields(PlateModes)]
+    names, key = [one.name for one in fields(PlateModes)], table_hash(plate, points)
 
     def find() -> dict[str, object]:
         try:
@@ -211,7 +211,7 @@ def plate_modes(plate: FlexiblePlate, cache_dir: str | Path | None = None,
                           "size of plate and rods must be less extreme") from error
         return {name: getattr(modes, name) for name in names}
 
-    stored = cached(cache_dir, "modes", table_hash(plate, points), find)
+    stored = cached(cache_dir, "modes", key, find)
     values: dict[str, Any] = {name: stored[name] if stored[name].shape else stored[name].item() for name in names}
     return replace(PlateModes(**values), damping_ratio=np.full(len(values["frequency_Hz"]), plate.damping_ratio))
 

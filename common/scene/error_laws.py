@@ -22,11 +22,11 @@ from pathlib import Path
 
 import numpy as np
 
-from common.scene.plate import FlexiblePlate
 from common.tables import read_toml
 
 LAWS = Path(__file__).with_name("error_laws.toml")  # written by `make accuracy`
 SHARES = 3  # time step, co-step, modes: a tolerance is shared out equally among them
+DEFAULT_TOLERANCE = 0.03  # of modes where a scene says nothing; below 3 kHz their error is half its share
 
 
 @dataclass(frozen=True)
@@ -57,32 +57,21 @@ def law(name: str) -> Law:
     return Law(np.array(table["settings"]), np.array(table["errors"]))
 
 
+def laws_of(bonded: bool) -> tuple[str, str, str]:
+    """Names of the laws of time step, co-step and modes."""
+    return ("time_step", "co_step", "modes") if bonded else ("contact", "co_step_spheres", "modes_spheres")
+
+
 def least_tolerance(bonded: bool) -> float:
     """The smallest tolerance that the settings measured can keep."""
-    names = ("time_step" if bonded else "contact", law_of("co_step", bonded), law_of("modes", bonded))
-    return SHARES * max(float(law(name).errors[0]) for name in names)
+    return SHARES * max(float(law(name).errors[0]) for name in laws_of(bonded))
 
 
-CUT_OFF_ERROR = 0.01  # that modes left out may make where a scene says nothing; below 3 kHz it is half as much
-
-
-def law_of(setting: str, bonded: bool) -> str:
-    """Name of the error law of "modes" or "co_step"."""
-    return setting if bonded else f"{setting}_spheres"
-
-
-def setting_for(name: str, tolerance: float) -> float:
-    """The coarsest value of a numerical setting that keeps its share of a tolerance of at least `least_tolerance`."""
-    return law(name).setting(tolerance / SHARES)
-
-
-def with_cut_off(plate: FlexiblePlate, tolerance: float | None, contact_time_s: float, bonded: bool) -> FlexiblePlate:
-    """The plate's table with its `max_frequency_Hz`, or with that of the tolerance, or of an error of its modes of
-    CUT_OFF_ERROR."""
-    if plate.max_frequency_Hz is not None:
-        return plate
-    setting = law(law_of("modes", bonded)).setting(CUT_OFF_ERROR if tolerance is None else tolerance / SHARES)
-    return plate.model_copy(update={"max_frequency_Hz": 1 / (setting * contact_time_s)})
+def settings_for(tolerance: float, bonded: bool) -> tuple[float, float, float]:
+    """The coarsest time step, co-step and modes that each keep their share of a tolerance of at least
+    `least_tolerance`."""
+    time_step, co_step, modes = (law(name).setting(tolerance / SHARES) for name in laws_of(bonded))
+    return time_step, co_step, modes
 
 
 def expected_error(settings: dict[str, float]) -> dict[str, float]:

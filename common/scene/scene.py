@@ -15,7 +15,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from common.input_error import MOST_DEEP
 from common.scene.distribution import OF_DRAWN, ScatterTable
-from common.scene.error_laws import least_tolerance
+from common.scene.error_laws import DEFAULT_TOLERANCE, least_tolerance, settings_for
 from common.scene.file import read_named, scene_tables
 from common.scene.plate import ContactStrength, Density, FlexiblePlate, Modulus, PlateTable
 from common.scene.stones import KINDS, SPHERE, AgglomerateTable, Kind, Shape, StonesTable
@@ -202,6 +202,13 @@ class Scene(Table):
         keys = [contact_key(a, b) for a in names[0] for b in names[1]]
         return next((self.contacts[key] for key in keys if key in self.contacts), None)
 
+    @property
+    def falling_contacts(self) -> dict[str, dict[str, ContactTable]]:
+        """Of each material that may fall the contacts that are given, by the other material that may, or PLATE."""
+        names = self.falling_materials
+        found = {name: {other: self.contact_of(name, other) for other in (*names, PLATE)} for name in names}
+        return {name: {other: one for other, one in of.items() if one is not None} for name, of in found.items()}
+
     def _material_keys(self) -> list[tuple[str, str]]:
         """Keys that name materials of stones, with the names."""
         if self.stones.each is not None:
@@ -242,6 +249,11 @@ class Scene(Table):
         assert self.stones.agglomerate is not None
         return self.stones.agglomerate
 
+    @property
+    def settings(self) -> tuple[float, float, float]:
+        """Time step, co-step and modes that keep the tolerance, as common/scene/error_laws.py measures them."""
+        return settings_for(self.tolerance or DEFAULT_TOLERANCE, bonded=self.stones.agglomerate is not None)
+
     @model_validator(mode="after")
     def _one_way_to_set_accuracy(self) -> Self:
         if self.tolerance is None:
@@ -281,8 +293,6 @@ class Scene(Table):
                               "stones.agglomerate.contact = 'faces': under faces the plate stays elastic")
 
     def _check_contacts(self) -> None:
-        names = self.falling_materials
-        needed = {contact_key(a, b): (a, b) for a in names for b in [*names, PLATE]}
         possible = {*self.materials, *KINDS}
         known = {contact_key(a, b) for a in possible for b in [*possible, PLATE]}
         for key in self.contacts:
@@ -290,9 +300,10 @@ class Scene(Table):
                 raise Refused(f"contacts.{key}", key, f"unknown pair of materials; possible are {sorted(known)}")
         count = self.stones.count if self.stones.each is None else len(self.stones.each)
         alone = count == 1 and self.stones.agglomerate is None
-        for key, pair in sorted(needed.items()):
-            if self.contact_of(*pair) is None and (PLATE in pair or not alone):
-                raise Refused(f"contacts.{key}", None, "must be given with restitution and friction")
+        missing = [contact_key(a, b) for a, given in self.falling_contacts.items()
+                   for b in [*([] if alone else self.falling_materials), PLATE] if b not in given]
+        if missing:
+            raise Refused(f"contacts.{min(missing)}", None, "must be given with restitution and friction")
 
     def _check_scatter(self) -> None:
         scatter = self.scatter

@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from common.scene.plate import FlexiblePlate, PlateTable
+from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from common.scene.stones import KINDS
-from dem.deck.time_step import Body
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
 from dem.stones.bonds import CRACK_AREA
-from dem.stones.stone import Stone, substances_of
-from plate_fem.motion import RecordedMotion
+from dem.stones.stone import Body, Stone, substances_of
 
 GRAVITY_m_s2, JUPITER_m_s2 = 9.81, 25.0
 DIAMOND_Pa, CORK_kg_m3, RUBBER = 1.22e12, 120.0, 2.0
@@ -25,7 +23,6 @@ CRITICAL_SPEED = 0.84  # the laboratory's case `critical_speed`
 LARGEST_STRAIN = 0.02  # up to which bonds of small strains are taken to hold
 LARGEST_APPROACH = 0.1  # over the radius: up to which Hertz' half-space is taken to hold
 IDEAL_STRENGTH = 0.2  # of Young's modulus: of whiskers and of glass fresh from the melt
-MOST_DEFLECTION = 0.5  # over the thickness: beyond, a plate stretches as it bends (von Karman)
 UNFINISHED, CARRIED = 0.05, 10.0  # of a stone's peak force, and of its weight: more is an impact that goes on
 MOST_MISSING = 0.01  # of the impulse
 
@@ -66,15 +63,6 @@ def warnings_of(scene: Scene, falling: Sequence[Stone]) -> list[str]:
                 lines.append(f"{table}.bond.tensile_strength_Pa = {strength:g}: below {weight_Pa:.3g}, the stress of "
                              "a stone's own weight on earth")
     return lines
-
-
-def deflection_warnings(plate: PlateTable, motion: RecordedMotion | None) -> list[str]:
-    """Of a plate that, deflected so far, would stretch."""
-    if motion is None or not isinstance(plate, FlexiblePlate):
-        return []
-    largest_m = motion.deflection_m(plate.edges == "free", MOST_DEFLECTION * plate.thickness_m)
-    return [f"plate.thickness_m = {plate.thickness_m:g}: deflects by {largest_m / plate.thickness_m:.2g} of it; linear "
-            f"theory, without stretching, is for {MOST_DEFLECTION:g} and less"] if largest_m else []
 
 
 def unfinished_warnings(scene: Scene, end_N: np.ndarray, peak_N: np.ndarray, mass_kg: np.ndarray) -> list[str]:

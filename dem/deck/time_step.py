@@ -1,6 +1,8 @@
-"""The DEM time step with each limit that could set it, and the co-step of the plate."""
+"""What a run counts in steps: the DEM time step with each limit that could set it, the co-step of the plate, the rows
+of its record, and its pictures, evenly over the run, and densely while something pushes on the plate in an impact."""
 
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,14 +10,13 @@ from functools import cached_property
 import numpy as np
 
 from common import hertz
-from common.scene.error_laws import law_of, setting_for
+from common.scene.error_laws import laws_of
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from common.tables import InputError
 from dem.deck.contact import damping_ratio, elastic_damping_ratio, stiffest_face_N_m, stone_columns_N_m
 from dem.stones.assembly import Assembly
-from dem.stones.stone import Stone, impact_speed_m_s, places_m, substances_of
-from plate_fem.modes import PlateModes
+from dem.stones.stone import Body, Stone, body_of, impact_speed_m_s, substances_of
 
 BOND_FRACTION = 0.3      # of t0 = min sqrt(m r0/(E A)), if `bond_fraction` allows it
 DAMPED_SHARE = 0.8       # of the limit of damped bonds, see `bond_fraction`
@@ -36,12 +37,15 @@ FACE_SHARE = 0.3
 # the push is this share of a stone's peak force and nothing comes faster than this share of the impact; and never more
 # than.
 WEAK_FORCE_SHARE, WEAK_SPEED_SHARE, MOST_CO_STEPS = 1e-3, 0.1, 16
-TOGETHER_s = 0.1  # stones that arrive within this time are taken to touch at once
 MOST_STEPS = 2**31 - 1     # that LIGGGHTS counts in one run
 FAST_PER_SAMPLE = 30     # rows of the fast stream a sample: 200 kHz at 6667 Hz,
 FAST_Hz = 200e3          # and of slower samples as many as give this
 MOST_FAST_ROWS = 2_000_000  # a long run has fewer a sample,
 LEAST_FAST_Hz = 25e3     # but so many before an anti-alias filter: of what folds back, it takes all up to 20 kHz
+IMPACT_INTERVAL_s = 2e-5
+IMPACT_CONTACT_TIMES = 2.0  # of a Hertz sphere like the stone; a contact of bonded sub-spheres lasts 1.7 of them
+IMPACT_PICTURES = 100       # at most, of one impact
+ALL_IMPACT_PICTURES = 200   # at most, of all impacts together
 
 
 @dataclass(frozen=True)
@@ -96,15 +100,15 @@ def step_limits(scene: Scene, assembly: Assembly, file: str) -> StepLimits:
             limits["faces"] = face_fraction(assembly, scene.agglomerate.damping_ratio, least, bond_time) * bond_time
     co_step = min(stone_contact / CO_STEPS_IN_CONTACT, contact / CO_STEPS_IN_FRAGMENT_CONTACT)
     if scene.tolerance is not None:
-        setting, unit = ("contact", stone_contact) if bond_time is None else ("time_step", bond_time)
-        limits["tolerance"] = setting_for(setting, scene.tolerance) * unit
-        co_step = min(co_step, setting_for(law_of("co_step", bond_time is not None), scene.tolerance) * stone_contact)
+        of_step, of_co_step, _ = scene.settings
+        limits["tolerance"] = of_step * (stone_contact if bond_time is None else bond_time)
+        co_step = min(co_step, of_co_step * stone_contact)
     _counted_steps(scene, _largest_step_s(scene, limits, file), scene.time.co_step or 1, file)
     return StepLimits(limits, co_step, assembly.stones, bond_time, stone_contact, stiffest_face_N_m(assembly))
 
 
 def time_step(scene: Scene, limits: StepLimits, file: str, mobility_1_kg: float | None = None) -> TimeStep:
-    """Choose the step and the co-step; `mobility_1_kg` is that of a flexible plate (`plate_mobility_1_kg`).
+    """Choose the step and the co-step; `mobility_1_kg` is that of a flexible plate (plate_fem.impact).
 
     Raises InputError if the scene's own `time.time_step_s` or `time.co_step` is above a limit.
     """
@@ -204,12 +208,10 @@ def weak_contact(scene: Scene, assembly: Assembly, step: TimeStep) -> WeakContac
 def accuracy_settings(scene: Scene, assembly: Assembly, step: TimeStep) -> dict[str, float]:
     """The numerical settings of a run by their names in common/scene/error_laws.py, with the plate's frequency."""
     contact = stone_contact_time_s(assembly)
-    settings = ({"contact": step.dt_s / contact} if step.bond_time_s is None else
-                {"time_step": step.dt_s / step.bond_time_s})
+    settings = [step.dt_s / (contact if step.bond_time_s is None else step.bond_time_s)]
     if isinstance(scene.plate, FlexiblePlate) and scene.plate.max_frequency_Hz is not None:
-        settings |= {law_of("co_step", assembly.n_bonds > 0): step.co_step * step.dt_s / contact,
-                     law_of("modes", assembly.n_bonds > 0): 1 / (scene.plate.max_frequency_Hz * contact)}
-    return settings
+        settings += [step.co_step * step.dt_s / contact, 1 / (scene.plate.max_frequency_Hz * contact)]
+    return dict(zip(laws_of(assembly.n_bonds > 0), settings, strict=False))  # of a rigid plate the first alone
 
 
 def bond_time_s(assembly: Assembly) -> float | None:
@@ -255,25 +257,20 @@ def face_fraction(assembly: Assembly, damping_ratio: float, stiffness_ratio: flo
 
 def rayleigh_time_s(assembly: Assembly) -> float:
     """pi R sqrt(rho/G)/(0.1631 nu + 0.8766), the least of all sub-spheres (Thornton and Randall 1988)."""
-    times = []
-    for k, substance in enumerate(assembly.substances):
-        here, m = assembly.substance == k, substance.material
-        shear_modulus = m.youngs_modulus_Pa / (2 * (1 + m.poisson_ratio))
-        density = assembly.mass_kg[here] / (4 / 3 * np.pi * assembly.radius_m[here] ** 3)
-        times.append((np.pi * assembly.radius_m[here] * np.sqrt(density / shear_modulus)
-                      / (0.1631 * m.poisson_ratio + 0.8766)).min())
-    return float(min(times))
+    materials = [substance.material for substance in assembly.substances]
+    nu, youngs_modulus = np.array([(m.poisson_ratio, m.youngs_modulus_Pa) for m in materials])[assembly.substance].T
+    density = assembly.mass_kg / (4 / 3 * np.pi * assembly.radius_m**3)
+    slowness = np.sqrt(density / (youngs_modulus / (2 * (1 + nu))))
+    return float((np.pi * assembly.radius_m * slowness / (0.1631 * nu + 0.8766)).min())
 
 
 def subsphere_contact_time_s(assembly: Assembly) -> float:
     """Duration of the shortest Hertz contact of a sub-sphere with the plate."""
-    speed, times = assembly.impact_speed_m_s, []
-    for k, substance in enumerate(assembly.substances):
-        here = assembly.substance == k
-        stiffness = hertz.stiffness_N_m32(substance.modulus_on_plate_Pa, assembly.radius_m[here])
-        depth = hertz.largest_approach_m(stiffness, assembly.mass_kg[here], speed)
-        times.append(hertz.contact_time_s(depth, speed).min())
-    return float(min(times))
+    modulus = np.array([substance.modulus_on_plate_Pa for substance in assembly.substances])[assembly.substance]
+    stiffness = hertz.stiffness_N_m32(modulus, assembly.radius_m)
+    speed = assembly.impact_speed_m_s
+    depth = hertz.largest_approach_m(stiffness, assembly.mass_kg, speed)
+    return float(hertz.contact_time_s(depth, speed).min())
 
 
 def stone_contact_time_s(assembly: Assembly) -> float:
@@ -292,43 +289,9 @@ def _of_any(scene: Scene, stones: Sequence[Stone]) -> list[Stone]:
     return [stone.made_of(one) for one in substances_of(scene).values() for stone in stones]
 
 
-@dataclass(frozen=True)
-class Body:
-    """A whole stone that hits the rigid plate as one Hertz sphere."""
-
-    modulus_Pa: float  # E*
-    restitution: float
-    mass_kg: float
-    radius_m: float
-    speed_m_s: float
-
-    @cached_property
-    def stiffness_N_m32(self) -> np.float64:
-        return np.float64(hertz.stiffness_N_m32(self.modulus_Pa, self.radius_m))
-
-    @cached_property
-    def depth_m(self) -> np.float64:
-        """The largest approach."""
-        return np.float64(hertz.largest_approach_m(self.stiffness_N_m32, self.mass_kg, self.speed_m_s))
-
-    @property
-    def contact_time_s(self) -> float:
-        return float(hertz.contact_time_s(self.depth_m, self.speed_m_s))
-
-    @property
-    def peak_force_N(self) -> float:
-        return float(self.stiffness_N_m32 * self.depth_m**1.5)
-
-
 def bodies_of(assembly: Assembly) -> set[Body]:
     """The stones as far as they differ in contact with the plate."""
     return {body_of(stone, impact_speed_m_s(stone, assembly.gravity_m_s2)) for stone in assembly.stones}
-
-
-def body_of(stone: Stone, speed_m_s: float) -> Body:
-    """A stone as it hits the plate."""
-    return Body(stone.substance.modulus_on_plate_Pa, stone.substance.plate_contact.restitution, stone.mass_kg,
-                stone.radius_m, speed_m_s)
 
 
 def coupling_limits_s(scene: Scene, stones: Sequence[Stone], mobility_1_kg: float) -> dict[str, float]:
@@ -347,18 +310,79 @@ def coupling_limits_s(scene: Scene, stones: Sequence[Stone], mobility_1_kg: floa
     return {name: limit for name, limit in limits.items() if np.isfinite(limit)}
 
 
-def plate_mobility_1_kg(modes: PlateModes, position_m: np.ndarray) -> float:
-    """How much the plate under a stone accelerates at once for a force of 1 N on every stone, at most: the largest row
-    sum of |phi phi^T| over the stones' places (k, 2)."""
-    shape = modes.shape_at(position_m)
-    return float(np.abs(shape @ shape.T).sum(axis=1).max())
+@dataclass(frozen=True)
+class PictureSchedule:
+    """DEM steps of the pictures: every `every` steps; and those of `in_impact`, which the engine leaves out while
+    nothing pushes on the plate. `impacts` has the first and the last step of each impact, `impact_every` the steps in
+    between."""
+
+    every: int
+    impact_every: int
+    impacts: tuple[tuple[int, int], ...]
+
+    @cached_property
+    def in_impact(self) -> list[int]:
+        """Ascending, without step 0."""
+        return [step for first, last in self.impacts for step in range(first, last + 1, self.impact_every)]
+
+    def possible(self, dem_steps: range) -> list[int]:
+        """Those of consecutive rows at `dem_steps` at which there may be a picture."""
+        first, last = dem_steps[0], dem_steps[-1]
+        even = range(-(-first // self.every) * self.every, last + 1, self.every)
+        dense = self.in_impact[bisect_left(self.in_impact, first):bisect_right(self.in_impact, last)]
+        return sorted({*even, *dense}) if even or dense else []
 
 
-def mobility_of_stones_1_kg(modes: PlateModes, stones: Sequence[Stone]) -> float:
-    """`plate_mobility_1_kg` of the stones that arrive within TOGETHER_s of each other, at most. What fell long before
-    lies still or has left."""
-    order = sorted(range(len(stones)), key=lambda k: stones[k].arrival_s)
-    arrival, place = np.array([stones[k].arrival_s for k in order]), places_m(stones)[order]
-    ends = np.searchsorted(arrival, arrival + TOGETHER_s, side="right")
-    starts = np.flatnonzero(np.diff(ends, prepend=0) > 0)  # of windows that hold a stone that no one before does
-    return max(plate_mobility_1_kg(modes, place[k:ends[k]]) for k in starts)
+def picture_schedule(scene: Scene, assembly: Assembly, step: TimeStep) -> PictureSchedule | None:
+    """The schedule of a scene, None if it wants no pictures.
+
+    An impact begins when the lowest point of a stone reaches the plate at rest, and lasts IMPACT_CONTACT_TIMES. Those
+    of stones that arrive together are one; a stream has none. All pictures lie on rows of the fast stream, so that the
+    plate is known.
+    """
+    if scene.time.view_interval_s is None:
+        return None
+    # An interval longer than the run, which LIGGGHTS might not be able to count, is one sample more than the run: a
+    # picture at its start alone.
+    samples = min(scene.time.view_interval_s / scene.time.sample_interval_s, step.steps // step.sample_steps + 1)
+    every = step.sample_steps * max(1, round(samples))
+    if scene.stones.is_stream:
+        return PictureSchedule(every, 0, ())
+    rows = min(IMPACT_INTERVAL_s / (step.fast_steps * step.dt_s), step.steps // step.fast_steps + 1)
+    impact_every = step.fast_steps * max(1, round(rows))
+    arrivals = arrival_s(assembly) / step.dt_s
+    lasts = IMPACT_CONTACT_TIMES * stone_contact_time_s(assembly) / (impact_every * step.dt_s)
+    pictures = min(math.ceil(lasts), IMPACT_PICTURES)
+    return PictureSchedule(every, impact_every, _impacts(arrivals, impact_every, pictures, step.steps))
+
+
+def arrival_s(assembly: Assembly) -> np.ndarray:
+    """Time at which the lowest point of each stone reaches z = 0 in free fall, (stones,); infinite for one that does
+    not fall."""
+    lowest = np.full(len(assembly.sizes), np.inf)
+    np.minimum.at(lowest, assembly.agglomerate, assembly.center_m[:, 2] - assembly.radius_m)
+    speed = np.array([-entry.velocity_m_s[2] for entry in assembly.entries])
+    entry_s = np.array([entry.entry_s for entry in assembly.entries])
+    gravity = -assembly.gravity_m_s2[2]
+    with np.errstate(divide="ignore"):
+        return entry_s + 2 * lowest / (speed + np.sqrt(speed**2 + 2 * gravity * lowest))
+
+
+def _impacts(arrivals: np.ndarray, every: int, pictures: int, steps: int) -> tuple[tuple[int, int], ...]:
+    """First and last steps, multiples of `every`, of the impacts of stones that arrive at the steps `arrivals`, with
+    so many pictures each; those that overlap are one, and the last ones give way where all would have too many."""
+    impacts: list[tuple[int, int]] = []
+    left = ALL_IMPACT_PICTURES
+    for arrival in np.sort(arrivals[arrivals < steps]):
+        first = max(1, math.ceil(arrival / every))
+        last = min(first + pictures - 1, steps // every)
+        if impacts and first <= impacts[-1][1] + 1:
+            first = impacts.pop()[0]
+        impacts.append((first, last))
+    kept = []
+    for first, last in impacts:
+        last = min(last, first + left - 1)
+        if first <= last:
+            kept.append((first * every, last * every))
+            left -= last - first + 1
+    return tuple(kept)

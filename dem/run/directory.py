@@ -204,14 +204,9 @@ KEPT = 2  # checkpoints: the one before the last is there for when the last is d
 State = dict[str, np.ndarray]
 
 
-def engine_file(directory: Path, step: int) -> Path:
-    """The engine's half of the checkpoint at DEM step `step`."""
-    return directory / f"engine_{step}.checkpoint"
-
-
-def plate_file(directory: Path, step: int) -> Path:
-    """The plate's half of the checkpoint at DEM step `step`."""
-    return directory / f"plate_{step}.checkpoint"
+def half_of(directory: Path, half: str, step: int) -> Path:
+    """The file of one half, "engine" or "plate", of the checkpoint at DEM step `step`."""
+    return directory / f"{half}_{step}.checkpoint"
 
 
 def steps_of(directory: Path, half: str = "engine") -> list[int]:
@@ -223,7 +218,7 @@ def steps_of(directory: Path, half: str = "engine") -> list[int]:
 def latest(directory: Path, flexible: bool) -> int:
     """The DEM step of the last checkpoint, whole or damaged, 0 if there is none. That of a `flexible` plate has two
     halves."""
-    return next((step for step in steps_of(directory) if not flexible or plate_file(directory, step).exists()), 0)
+    return next((step for step in steps_of(directory) if not flexible or half_of(directory, "plate", step).exists()), 0)
 
 
 def last_whole(deck: Path, streams: Sequence[str], flexible: bool, identity: str, note: Callable[[str], None]) -> int:
@@ -234,18 +229,18 @@ def last_whole(deck: Path, streams: Sequence[str], flexible: bool, identity: str
     for step in steps_of(directory):
         if chosen:
             break
-        if flexible and not plate_file(directory, step).exists():
+        if flexible and not half_of(directory, "plate", step).exists():
             continue  # killed between the two halves
         try:
-            check_streams(deck, streams, read_checked(engine_file(directory, step), ENGINE, identity))
+            check_streams(deck, streams, read_checked(half_of(directory, "engine", step), ENGINE, identity))
             if flexible:
-                read_plate_state(plate_file(directory, step), identity)
+                read_plate_state(half_of(directory, "plate", step), identity)
             chosen = step
         except (InputError, OSError) as damage:
             note(f"the checkpoint of step {step} is passed over: {damage}")
-    for half, name in (("engine", engine_file), ("plate", plate_file)):
+    for half in ("engine", "plate"):
         for step in set(steps_of(directory, half)) - {chosen}:
-            name(directory, step).unlink()
+            half_of(directory, half, step).unlink()
     return chosen
 
 
@@ -296,10 +291,10 @@ def write_plate_state(directory: Path, step: int, state: State, identity: str) -
     packed = io.BytesIO()
     np.savez(packed, allow_pickle=False, **state)
     data = packed.getvalue()
-    with written_whole(plate_file(directory, step)) as beside:
+    with written_whole(half_of(directory, "plate", step)) as beside:
         beside.write_bytes(HEADER.pack(PLATE, VERSION[PLATE], identity.encode(), len(data), zlib.crc32(data)) + data)
     for earlier in steps_of(directory, "plate")[KEPT:]:
-        plate_file(directory, earlier).unlink()
+        half_of(directory, "plate", earlier).unlink()
 
 
 def read_plate_state(file: Path, identity: str) -> State:

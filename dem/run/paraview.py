@@ -10,6 +10,7 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from common.files.whole import named
 from common.resources import resource
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
-from dem.deck.time_step import TimeStep, weak_contact
+from dem.deck.time_step import WeakContact, weak_contact
 from dem.run.prepare import PreparedRun
 from dem.stones.assembly import Assembly
 from dem.stones.bonds import fragments
@@ -151,6 +152,7 @@ def write_view(file: Callable[[str], Path], deck: Path, prepared: PreparedRun, e
     broken_at[events["bond"] - 1] = events["t_s"]
     writers = {part: VtuWriter() for part in PARTS}
     stones, walls = StoneMeshes(assembly), wall_mesh(prepared.scene)
+    weak = weak_contact(prepared.scene, assembly, prepared.step)
     if walls is not None:
         writers["walls"].write(file(WALLS), walls)
     entries = []
@@ -158,7 +160,7 @@ def write_view(file: Callable[[str], Path], deck: Path, prepared: PreparedRun, e
     for k, (dem_step, near, spheres, pushing) in enumerate(pictures):
         t = dem_step * dt_s
         meshes = stones.meshes(near, spheres, broken_at > t + 0.5 * dt_s)
-        meshes |= meshes_of_plate(dem_step, shown_contacts(pushing, prepared.scene, assembly, prepared.step))
+        meshes |= meshes_of_plate(dem_step, shown_contacts(pushing, assembly, weak))
         for name, mesh in meshes.items():
             picture = f"view/{name}_{k:04d}.vtu"
             writers[name].write(file(picture), mesh)
@@ -220,7 +222,6 @@ class PlateMeshes:
     def __init__(self, modes: PlateModes, plate: FlexiblePlate):
         self._modes, self._plate = modes, plate
         self._nodal = np.ascontiguousarray(modes.nodal.reshape(-1, modes.nodal.shape[2]))
-        self._at_rods = modes.shape_at(np.array([rod.place_m for rod in plate.rods]).reshape(-1, 2))
 
     def meshes(self, amplitude: np.ndarray, contacts: list[HertzContact]) -> dict[str, Mesh]:
         """The plate at the modal amplitudes (modes,), a fine patch about each contact, and the rods."""
@@ -266,6 +267,11 @@ class PlateMeshes:
                      "pressure_Pa": -stress[:, 3],
                      "contact": np.repeat(np.arange(1, len(contacts) + 1, dtype="i4"), size)})
 
+    @cached_property
+    def _at_rods(self) -> np.ndarray:
+        """(rods, modes) deflection of the modes."""
+        return self._modes.shape_at([rod.place_m for rod in self._plate.rods])
+
     def _rods(self, amplitude: np.ndarray) -> Mesh:
         """A line each, from the base, which stands still, to the lower face of the plate."""
         rods, n = self._plate.rods, len(self._plate.rods)
@@ -289,10 +295,9 @@ def wall_mesh(scene: Scene) -> Mesh | None:
     return Mesh(np.array(corners), 4 * number[:, None] + np.arange(4), cell_data={"wall": (number + 1).astype("i4")})
 
 
-def shown_contacts(rows: np.ndarray, scene: Scene, assembly: Assembly, step: TimeStep) -> list[HertzContact]:
+def shown_contacts(rows: np.ndarray, assembly: Assembly, weak: WeakContact | None) -> list[HertzContact]:
     """The contacts of a picture, given as `read_pictures` does, without those so weak that a stone's own push is a
-    thousand times theirs (dem.deck.time_step.weak_contact): chips that lie on the plate."""
-    weak = weak_contact(scene, assembly, step)
+    thousand times theirs (`weak`): chips that lie on the plate."""
     modulus = [stone.substance.modulus_on_plate_Pa for stone in assembly.stones]
     return [HertzContact(x, y, force, radius, modulus[int(stone) - 1]) for stone, x, y, force, radius in rows
             if weak is None or force > weak.force_N]

@@ -14,19 +14,19 @@ from pathlib import Path
 
 import numpy as np
 
+from common.channels import DAMPING_IMPULSE, RESPONSES, RODS_MOMENTUM, SENSORS, rod_column, sensor_column
 from common.files.parquet import Columns
 from common.scene.plate import FlexiblePlate
+from common.scene.scene import Scene
 from dem.coupling.pipes import CheckpointMessage, CouplingError, FinishedMessage, ForceMessage, PlatePipes
-from dem.deck.pictures import picture_schedule
-from dem.deck.time_step import TimeStep
-from dem.record.energy_balance import PlateEnergy, PlateMonitor
-from dem.record.recorder import PlateRecorder
-from dem.run.directory import BY_HAND, State, plate_file, read_plate_state, write_plate_state
+from dem.deck.time_step import PictureSchedule, TimeStep, picture_schedule
+from dem.run.directory import BY_HAND, State, half_of, read_plate_state, write_plate_state
+from dem.run.energy_balance import PlateEnergy, PlateMonitor
 from dem.run.paraview import Mesh, PlateMeshes
 from dem.run.prepare import PreparedRun
 from plate_fem.modes import PlateModes
 from plate_fem.motion import ModalMotion, RecordedMotion
-from plate_fem.stress import HertzContact
+from plate_fem.stress import HertzContact, StressPeak
 
 Recorder = Callable[[range, np.ndarray, np.ndarray, np.ndarray], None]
 
@@ -109,6 +109,112 @@ class PlateParticipant:
         self.dem_step = now
 
 
+class PlateRecorder:
+    """Collects the plate's state at each row of the fast stream, its modal state at the samples, and its modal
+    amplitudes where there may be a picture. `motion`: that of the plate, at rest until it is advanced.
+
+    The signals of the rows are computed in blocks, since a product of matrices costs little more than one of vectors.
+    `check(t_s, total_J)` is called with the energy of each block, arrays (k,).
+    """
+
+    BLOCK = 128  # rows
+
+    def __init__(self, scene: Scene, modes: PlateModes, step: TimeStep, pictures: PictureSchedule | None,
+                 check: Callable[[np.ndarray, np.ndarray], None]):
+        self.motion = ModalMotion(modes, step.co_step * step.dt_s)
+        self._modes, self._step, self._pictures, self._check = modes, step, pictures, check
+        assert isinstance(scene.plate, FlexiblePlate)  # the other has no motion to record
+        by_kind = {kind: [s for s in scene.plate.sensors if s.kind == kind] for kind in SENSORS}
+        self._mean = modes.mean_shape
+        self._sensor = {kind: modes.shape_at(np.array([s.place_m for s in own]))
+                        for kind, own in by_kind.items() if own}
+        self._of_amplitude, self._of_rate = modes.rod_force, np.empty((0, len(self._mean)))
+        rods = [rod_column(k) for k in range(1, len(modes.rod_force) + 1)]
+        if len(modes.lateral):  # on rods alone
+            damping = 4 * np.pi * modes.damping_ratio * modes.frequency_Hz * modes.momentum
+            self._of_amplitude = np.vstack([modes.rod_force, damping])
+            self._of_rate = (modes.momentum - modes.mass_kg * modes.mean_shape)[None]
+            rods += [DAMPING_IMPULSE, RODS_MOMENTUM]
+        self.columns = [*RESPONSES, *(sensor_column(s.name, kind) for kind, own in by_kind.items() for s in own), *rods]
+        self.steps: list[int] = []
+        self.view_amplitude: dict[int, np.ndarray] = {}  # by DEM step
+        self.bending = StressPeak(modes, scene.plate.rods)
+        self._blocks: list[np.ndarray] = []
+        self._every = step.sample_steps // step.fast_steps
+        self._samples: list[np.ndarray] = []
+        self._evaluated = 0                                       # rows
+        self._block = np.empty((3, self.BLOCK, len(self._mean)))  # amplitude, rate and modal force of rows that wait,
+        self._waiting = 0                                         # and how many of them there are
+
+    def __call__(self, dem_steps: range, states: np.ndarray, force: np.ndarray, last_force: np.ndarray) -> None:
+        """Record rows at `dem_steps`: amplitude and rate of each, (rows, 2, modes), and the modal force on it, which is
+        `last_force` at the last."""
+        if self._pictures:
+            for dem_step in self._pictures.possible(dem_steps):
+                self.view_amplitude[dem_step] = states[dem_steps.index(dem_step), 0].copy()
+        self.steps.extend(dem_steps)
+        taken = 0
+        while taken < len(states):
+            here = states[taken:taken + self.BLOCK - self._waiting]
+            first, taken, self._waiting = self._waiting, taken + len(here), self._waiting + len(here)
+            self._block[:2, first:self._waiting] = here.swapaxes(0, 1)
+            self._block[2, first:self._waiting] = force
+            if taken == len(states):
+                self._block[2, self._waiting - 1] = last_force
+            if self._waiting == self.BLOCK:
+                self._evaluate()
+
+    def _evaluate(self) -> None:
+        """Compute the signals of the rows that wait."""
+        if not self._waiting:
+            return
+        t_s = np.array(self.steps[self._evaluated:self._evaluated + self._waiting]) * self._step.dt_s
+        amplitude, rate, force = self._block[:, :self._waiting]
+        acceleration = self.motion.acceleration_at(amplitude, rate, force)
+        samples = self._block[:, :self._waiting][:, -self._evaluated % self._every::self._every]
+        self._samples.append(samples.astype(np.float32))
+        kinetic, internal = self.motion.energies_at(amplitude, rate)
+        self._check(t_s, kinetic + internal)
+        measured = {"acceleration": acceleration, "velocity": rate, "displacement": amplitude}  # by kind of sensor
+        self._blocks.append(np.column_stack([
+            amplitude @ self._mean, rate @ self._mean, acceleration @ self._mean, kinetic, internal, kinetic + internal,
+            *(measured[kind] @ shape.T for kind, shape in self._sensor.items()),
+            amplitude @ self._of_amplitude.T, rate @ self._of_rate.T]))
+        self.bending.add(t_s, amplitude)
+        self._evaluated, self._waiting = self._evaluated + self._waiting, 0
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        """All that was recorded, for `set_state`. The rows that wait for their block still wait, so that a run that
+        goes on from here computes the same blocks."""
+        return {"rows": self._rows(), "samples": self._of_samples(), "steps": np.array(self.steps),
+                "waiting": self._block[:, :self._waiting].swapaxes(0, 1),
+                "view_steps": np.array(list(self.view_amplitude), dtype=int),
+                "view_amplitude": np.array(list(self.view_amplitude.values())), **self.bending.get_state()}
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        self._blocks, self.steps, self._evaluated = [state["rows"]], state["steps"].tolist(), len(state["rows"])
+        self._samples = [state["samples"]]
+        self._waiting = len(state["waiting"])
+        self._block[:, :self._waiting] = state["waiting"].swapaxes(0, 1)
+        self.view_amplitude = dict(zip(state["view_steps"].tolist(), state["view_amplitude"], strict=True))
+        self.bending.set_state(state)
+
+    def _rows(self) -> np.ndarray:
+        return np.concatenate([np.empty((0, len(self.columns))), *self._blocks])
+
+    def _of_samples(self) -> np.ndarray:
+        return np.concatenate([np.empty((3, 0, len(self._mean)), np.float32), *self._samples], axis=1)
+
+    def signals(self) -> Columns:
+        self._evaluate()
+        return dict(zip(self.columns, self._rows().T, strict=True))
+
+    def recorded(self) -> RecordedMotion:
+        self._evaluate()
+        t_s = np.array(self.steps[::self._every]) * self._step.dt_s
+        return RecordedMotion(self._modes, t_s, *self._of_samples())
+
+
 class PlateOfRun:
     """The plate that takes part in a run. This one is rigid: the engine asks it nothing, it records nothing and holds
     no energy."""
@@ -156,19 +262,17 @@ class FlexiblePlateOfRun(PlateOfRun):
 
     def __init__(self, prepared: PreparedRun, modes: PlateModes):
         scene, step = prepared.scene, prepared.step
-        self._modes, self._step = modes, step
         assert isinstance(scene.plate, FlexiblePlate)
         self._meshes = PlateMeshes(modes, scene.plate)
-        self._motion = ModalMotion(modes, step.co_step * step.dt_s)
-        self._recorder = PlateRecorder(scene, modes, self._motion, step,
-                                       picture_schedule(scene, prepared.assembly, step),
+        self._recorder = PlateRecorder(scene, modes, step, picture_schedule(scene, prepared.assembly, step),
                                        PlateMonitor(scene, prepared.assembly))
+        self._motion = self._recorder.motion
         self._participant = PlateParticipant(self._motion, step, self._recorder)
-        self.n_modes = len(self._motion.amplitude)
+        self.n_modes = len(modes.frequency_Hz)
         self._pipes: PlatePipes | None = None
 
     def restore(self, deck: Path, dem_step: int, identity: str) -> None:
-        kept = read_plate_state(plate_file(deck / "checkpoint", dem_step), identity)
+        kept = read_plate_state(half_of(deck / "checkpoint", "plate", dem_step), identity)
         one = self._participant
         one.dem_step, one.co_steps, one.extrapolated_co_steps = (int(number) for number in kept["coupling"])
         one.last_force = kept["last_force"]
@@ -210,7 +314,7 @@ class FlexiblePlateOfRun(PlateOfRun):
         return self._recorder.signals()
 
     def recorded_motion(self) -> RecordedMotion | None:
-        return self._recorder.motion(self._modes)
+        return self._recorder.recorded()
 
     def energy(self) -> PlateEnergy:
         motion = self._motion

@@ -5,22 +5,23 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+
+import numpy as np
 
 from common.files.cache import BeingFound, not_waiting
 from common.process.messages import told
-from common.scene.error_laws import with_cut_off
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene, scene_hash
 from common.tables import InputError, refused_in
 from dem.deck.plausible import warnings_of, warnings_of_fragments
-from dem.deck.time_step import TimeStep, contact_time_of_any_s, mobility_of_stones_1_kg, step_limits, time_step
+from dem.deck.time_step import TimeStep, contact_time_of_any_s, step_limits, time_step
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble
 from dem.stones.stone import Stone, entry_of, places_m
-from plate_fem.elements.mesh import highest_frequency_Hz
+from plate_fem.impact import struck_plate
 from plate_fem.modes import PlateModes, modes_for_loads
-from plate_fem.plausible import energy_left_out, warnings_of_plate
 
 LATEST_ARRIVAL_s = 1e6  # up to which a number of DEM steps is exact
 
@@ -57,7 +58,7 @@ class PreparedRun:
     modes: PlateModes | None
     plate_energy_left_out: float | None  # share that would belong to modes above those kept
     stages: Stages
-    warnings: list[str] = field(default_factory=list)  # dem/deck/plausible.py
+    warnings: list[str] = field(default_factory=list)  # dem/deck/plausible.py, plate_fem/impact.py
 
     @property
     def scene_hash(self) -> str:
@@ -105,31 +106,35 @@ def prepare(scene: Scene, source: str, cache: Path | None, show_progress: bool =
     stages, stones = Stages(shown=scene.name if show_progress else ""), stones_of(scene, source)
     _refuse_late(stones, scene, source)
     warnings = warned(source, warnings_of(scene, stones))
-
-    resolved = scene
-    if isinstance(scene.plate, FlexiblePlate):
-        contact_s = contact_time_of_any_s(scene, stones)
-        plate = with_cut_off(scene.plate, scene.tolerance, contact_s, scene.stones.agglomerate is not None)
-        resolved = scene.model_copy(update={"plate": plate})
+    resolved = with_cut_off(scene, stones)
+    plate = resolved.plate
+    of_plate = partial(refused_in, source, "plate")
 
     def seek_modes() -> None:
         """Into the cache."""
-        if isinstance(resolved.plate, FlexiblePlate):
-            with suppress(BeingFound), not_waiting(), refused_in(source, "plate"):
-                modes_for_loads(resolved.plate, cache, places_m(stones))
+        if isinstance(plate, FlexiblePlate):
+            with suppress(BeingFound), not_waiting(), of_plate():
+                modes_for_loads(plate, cache, places_m(stones))
 
-    with stages("packing"):
-        with refused_in(source, "stones.agglomerate"):
-            assembly = assemble(scene, stones, cache, seek_modes)
+    with stages("packing"), refused_in(source, "stones.agglomerate"):
+        assembly = assemble(scene, stones, cache, seek_modes)
     warnings += warned(source, warnings_of_fragments(scene, assembly))
     limits = step_limits(scene, assembly, source)
     modes, mobility, left_out = None, None, None
-    if isinstance(resolved.plate, FlexiblePlate):
-        with stages("modes"):
-            left_out = energy_left_out(highest_frequency_Hz(resolved.plate), limits.stone_contact_time_s)
-            warnings += warned(source, warnings_of_plate(resolved.plate, left_out))
-            with refused_in(source, "plate"):
-                modes = modes_for_loads(resolved.plate, cache, places_m(stones))
-        mobility = mobility_of_stones_1_kg(modes, stones)
+    if isinstance(plate, FlexiblePlate):
+        with stages("modes"), of_plate():
+            arrival_s = np.array([stone.arrival_s for stone in stones])
+            modes, mobility, left_out = struck_plate(plate, places_m(stones), arrival_s, limits.stone_contact_time_s,
+                                                     cache, lambda lines: warnings.extend(warned(source, lines)))
     step = time_step(scene, limits, source, mobility)
     return PreparedRun(source, scene, resolved, assembly, step, modes, left_out, stages, warnings)
+
+
+def with_cut_off(scene: Scene, stones: list[Stone]) -> Scene:
+    """The scene with the `max_frequency_Hz` of its plate, where it leaves that to be found."""
+    plate = scene.plate
+    if not isinstance(plate, FlexiblePlate) or plate.max_frequency_Hz is not None:
+        return scene
+    _, _, of_modes = scene.settings
+    highest_Hz = 1 / (of_modes * contact_time_of_any_s(scene, stones))
+    return scene.model_copy(update={"plate": plate.model_copy(update={"max_frequency_Hz": highest_Hz})})

@@ -13,42 +13,118 @@ from typing import Any
 import numpy as np
 from scipy.integrate import cumulative_simpson
 
-from common.channels import DAMPING_IMPULSE, RODS_MOMENTUM, rod_column
+from common.channels import DAMPING_IMPULSE, RODS_MOMENTUM, force_column, rod_column
 from common.files.parquet import Columns, write_parquet
 from common.run_summary import RecordedScene, YieldReport
 from common.scene.error_laws import expected_error
 from common.scene.scene import Scene
 from dem.coupling.launch import library_version
 from dem.deck.contact import read_contacts, yield_report
-from dem.deck.plausible import breakage_scales, deflection_warnings, momentum_warnings, unfinished_warnings
+from dem.deck.plausible import breakage_scales, momentum_warnings, unfinished_warnings
 from dem.deck.render import wall_file
 from dem.deck.time_step import TimeStep, accuracy_settings
-from dem.record.energy_balance import (
-    StoneLedger,
-    check_closure,
-    energy_ledger,
-    energy_table,
-    read_ledger,
-    stone_energies,
-)
-from dem.record.recorder import Pushes, fast_stream, read_events, read_forces, read_text_columns, samples_of
+from dem.run.energy_balance import StoneLedger, check_closure, energy_ledger, energy_table, read_ledger, stone_energies
 from dem.run.paraview import write_view
 from dem.run.participants import PlateOfRun
 from dem.run.prepare import PreparedRun, warned
 from dem.stones.arrangement import gangue_ratio
 from dem.stones.assembly import Assembly
-from plate_fem.motion import FILE, RecordedMotion
+from plate_fem.impact import deflection_warnings
+from plate_fem.motion import FILE
 
 _log = logging.getLogger(__name__)
+# Of the broken bonds; bond and agglomerate count from 1.
+EVENTS = {"bond": int, "agglomerate": int, "x_m": float, "y_m": float, "z_m": float, "mode": str, "stress_Pa": float,
+          "energy_J": float, "area_m2": float}
 # Of the bodies that were taken out when they had left the plate for good, in order of time.
 LEFT = {"agglomerate": int, "subspheres": int, **dict.fromkeys((
     "mass_kg", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "kinetic_J", "elastic_J"), float)}
 
 
 @dataclass(frozen=True)
+class Pushes:
+    """Rows of the push on the plate over an interval that ends at the DEM step `step` (k,): of the stone `stone` (k,),
+    0-based, its mean `mean_N`, the largest mean over a co-step `largest_N`, and where, `place_m` (k, 2). `all_step`,
+    `all_mean_N`, `all_largest_N` are those of all stones together."""
+
+    step: np.ndarray
+    stone: np.ndarray
+    mean_N: np.ndarray
+    largest_N: np.ndarray
+    place_m: np.ndarray
+    all_step: np.ndarray
+    all_mean_N: np.ndarray
+    all_largest_N: np.ndarray
+
+    def of_stones(self, n_stones: int) -> np.ndarray:
+        """(n_stones,) the largest push of each."""
+        largest = np.zeros(n_stones)
+        np.maximum.at(largest, self.stone, self.largest_N)
+        return largest
+
+
+def read_forces(file: Path) -> Pushes:
+    """Read the forces that the engine wrote (contact_recorder.h)."""
+    data = np.fromfile(file, dtype=[("step", "<i8"), ("agglomerate", "<i8"), ("number", "<f8", (4,))])
+    of_all = data["agglomerate"] == 0
+    one, all_ = data[~of_all], data[of_all]
+    return Pushes(one["step"], one["agglomerate"] - 1, one["number"][:, 0], one["number"][:, 1], one["number"][:, 2:],
+                  all_["step"], all_["number"][:, 0], all_["number"][:, 1])
+
+
+def fast_stream(step: TimeStep, pushes: Pushes, plate_signals: Columns, columns_of: int) -> Columns:
+    """All rows at the fast rate. A force is the mean over the row's interval; the plate's state is at its end.
+
+    `plate_signals` has a row for each of the fast stream; the first `columns_of` stones have a column each. Raises
+    RuntimeError if a signal holds a value that is no number.
+    """
+    n_rows = step.steps // step.fast_steps + 1
+    total, mean = np.zeros(n_rows), np.zeros((n_rows, columns_of))
+    total[pushes.all_step // step.fast_steps] = pushes.all_mean_N
+    own = pushes.stone < columns_of
+    mean[pushes.step[own] // step.fast_steps, pushes.stone[own]] = pushes.mean_N[own]
+    table = {"t_s": np.arange(n_rows) * step.fast_steps * step.dt_s, **plate_signals, "force_N": total,
+             **{force_column(k + 1): mean[:, k] for k in range(columns_of)}}
+    if not all(np.isfinite(values).all() for values in table.values()):
+        raise RuntimeError("a signal holds a value that is no number")
+    return table
+
+
+def samples_of(fast: Columns, every: int, anti_alias: bool) -> Columns:
+    """Every so many rows of the fast stream, as they are or behind the filter of analysis.signals.resampling, which has
+    linear phase and no delay. It stands here since scipy.signal takes as long to import as a short run."""
+    if not anti_alias:
+        return {name: values[::every] for name, values in fast.items()}
+    ahead = np.arange(-10 * every, 10 * every + 1)
+    taps = np.sinc(ahead / every) * np.kaiser(len(ahead), 5.0)
+    taps /= taps.sum()
+
+    def low(values: np.ndarray) -> np.ndarray:
+        around = np.lib.stride_tricks.sliding_window_view(np.pad(values, 10 * every, mode="edge"), len(taps))
+        return around[::every] @ taps
+    return {name: values[::every] if name == "t_s" else low(values) for name, values in fast.items()}
+
+
+def read_text_columns(file: Path, step: TimeStep, kinds: dict[str, type]) -> Columns:
+    """Read a file of the engine with values between commas under a line of names, "step" and those of `kinds`, with
+    the time t_s in place of the step; no rows where there is no file. Raises ValueError for another file."""
+    kinds = {"step": int} | kinds
+    head, *lines = file.read_text().splitlines() if file.exists() else [",".join(kinds)]
+    if head.split(",") != list(kinds):
+        raise ValueError(f"{file}: its first line is not {','.join(kinds)}")
+    rows = [line.split(",") for line in lines]
+    if any(len(row) != len(kinds) for row in rows):
+        raise ValueError(f"{file}: cut off or damaged")
+    columns: Columns = {name: np.array([kinds[name](row[k]) for row in rows], kinds[name])
+                        for k, name in enumerate(kinds)}
+    return {"t_s": columns.pop("step") * step.dt_s, **columns}
+
+
+@dataclass(frozen=True)
 class Results:
     """The tables of a run. `pushes` on the plate are those of the engine; `stone_mass_kg` (stones,);
-    `energy` is that of dem.record.energy_balance.energy_ledger; `walls` that of `read_walls`; `motion` the plate's."""
+    `energy` is that of dem.run.energy_balance.energy_ledger; `walls` that of `read_walls`; `deflected` that of
+    plate_fem.impact.deflection_warnings."""
 
     events: Columns
     fast: Columns
@@ -58,42 +134,39 @@ class Results:
     stone_mass_kg: np.ndarray
     energy: dict[str, Any]
     walls: Columns | None
-    motion: RecordedMotion | None
+    deflected: list[str]
 
 
 def write_results(file: Callable[[str], Path], deck: Path, prepared: PreparedRun, plate: PlateOfRun) -> Results:
     """Write the tables and pictures of a run, from what the engine left in `deck`, to the path that `file` gives for
     each name. Raises Unstable if the energy does not close."""
     scene, step, assembly = prepared.scene, prepared.step, prepared.assembly
-    n = len(assembly.sizes)
-    events = read_events(deck / "events.csv", step)
-    pushes = read_forces(deck / "forces.bin")
+    pushes, events = read_forces(deck / "forces.bin"), read_text_columns(deck / "events.csv", step, EVENTS)
     fast = fast_stream(step, pushes, plate.signals(range(0, step.steps + 1, step.fast_steps)),
-                       0 if assembly.is_stream else n)
-    write_parquet(fast, file("fast.parquet"))
+                       0 if assembly.is_stream else len(assembly.stones))
     signals = samples_of(fast, step.sample_steps // step.fast_steps, scene.time.anti_alias)
-    write_parquet(signals, file("signals.parquet"))
+    walls, left = read_walls(scene, deck, step), read_text_columns(deck / "left.csv", step, LEFT)
+    ledger = read_ledger(deck / "ledger.bin", len(assembly.stones))
+    parts = stone_energies(ledger, scene.time.gravity_m_s2, assembly.mass_height_kg_m)
+    tables = {"fast": fast, "signals": signals, "breakage": events,
+              "contacts": read_contacts(deck / "contacts.bin", step.dt_s),
+              "stones": stones_table(assembly, step, pushes, events, left, ledger),
+              "energy": energy_table(parts, ledger, step.dt_s)}
+    if walls is not None:
+        tables["walls"] = walls
+    if assembly.is_stream:
+        tables["left"] = left
     motion = plate.recorded_motion()
     if motion is not None:
         motion.write(file(FILE))
-    write_parquet(events, file("breakage.parquet"))
-    contacts = read_contacts(deck / "contacts.bin", step.dt_s)
-    write_parquet(contacts, file("contacts.parquet"))
+    deflected = deflection_warnings(scene.plate, motion)
+    for name, table in tables.items():
+        write_parquet(table, file(f"{name}.parquet"))
     if scene.time.view_interval_s is not None:
         write_view(file, deck, prepared, events, plate.meshes)
-    walls = read_walls(scene, deck, step)
-    if walls is not None:
-        write_parquet(walls, file("walls.parquet"))
-    ledger = read_ledger(deck / "ledger.bin", n)
-    left = read_text_columns(deck / "left.csv", step, LEFT)
-    if assembly.is_stream:
-        write_parquet(left, file("left.parquet"))
-    write_parquet(stones_table(assembly, step, pushes, events, left, ledger), file("stones.parquet"))
-    parts = stone_energies(ledger, scene.time.gravity_m_s2, assembly.mass_height_kg_m)
-    write_parquet(energy_table(parts, ledger, step.dt_s), file("energy.parquet"))
     energy = energy_ledger(parts, plate.energy(), ledger.has_entered[-1] * assembly.kinetic_start_J)
     check_closure(energy)
-    return Results(events, fast, signals, pushes, ledger, assembly.stone_mass_kg, energy, walls, motion)
+    return Results(events, fast, signals, pushes, ledger, assembly.stone_mass_kg, energy, walls, deflected)
 
 
 def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> dict[str, Any]:
@@ -104,8 +177,7 @@ def summary_of(prepared: PreparedRun, plate: PlateOfRun, results: Results) -> di
     end_N = np.bincount(pushes.stone[ends], pushes.mean_N[ends], len(mass_kg))
     peak_N = pushes.of_stones(len(mass_kg))
     late = warned(prepared.source, [*unfinished_warnings(prepared.scene, end_N, peak_N, mass_kg),
-                                     *momentum_warnings(outcome.get("momentum_missing")),
-                                     *deflection_warnings(prepared.scene.plate, results.motion)])
+                                     *momentum_warnings(outcome.get("momentum_missing")), *results.deflected])
     return {"status": "finished", **_origin(prepared), **_numerics(prepared, plate, results), **outcome,
             "warnings": prepared.warnings + late}
 

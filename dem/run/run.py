@@ -25,8 +25,8 @@ from common.tables import InputError
 from dem.coupling.launch import ENGINE, check_engine, engine_error, engine_running
 from dem.coupling.pipes import STOPPED, CouplingError, EngineWatchdog
 from dem.deck.render import streams, write_deck
-from dem.record.energy_balance import Unstable, read_ledger
 from dem.run.directory import STARTED, SUFFIX, Identity, RunDirectory, last_whole, latest, name_of
+from dem.run.energy_balance import Unstable, read_ledger
 from dem.run.participants import PlateOfRun, participant_of
 from dem.run.prepare import PreparedRun, prepare
 from dem.run.progress import Progress
@@ -152,7 +152,8 @@ def run_scene(scene: Scene, source: str | Path, out: str | Path, show_progress: 
     stop_at = None if walltime_s is None else time.monotonic() + walltime_s
     refuse_place(out)
     RunDirectory(out).refuse(scene_hash(scene), overwrite)
-    return run_prepared(prepare(scene, source, user_cache(), show_progress), out, show_progress, stop_at, overwrite)
+    prepared = prepare(scene, source, user_cache(), show_progress)
+    return run_prepared(prepared, out, show_progress, stop_at, overwrite)
 
 
 def run_prepared(prepared: PreparedRun, out: Path, show_progress: bool = False,

@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import gamma, log_ndtr
 
-from common.hertz import contact_modulus_Pa
+from common import hertz
 from common.scene.distribution import LEAST_RESTITUTION
 from common.scene.plate import Plate
 from common.scene.scene import PLATE, BondTable, ContactTable, MaterialTable, Scene
@@ -60,7 +60,7 @@ class Substance:
     @cached_property
     def modulus_on_plate_Pa(self) -> float:
         """E* of its contact with the plate."""
-        return contact_modulus_Pa(self.material, self.plate)
+        return hertz.contact_modulus_Pa(self.material, self.plate)
 
     @cached_property
     def plate_contact(self) -> ContactTable:
@@ -80,12 +80,8 @@ class Substance:
 
 def substances_of(scene: Scene) -> dict[str, Substance]:
     """The materials that may fall, in alphabetic order."""
-    found = {}
-    for name in scene.falling_materials:
-        contacts = {other: scene.contact_of(name, other) for other in (*scene.falling_materials, PLATE)}
-        found[name] = Substance(name, 1.0, 0.0, scene.kind_of(name) or "", scene.materials[name],
-                                {other: one for other, one in contacts.items() if one is not None}, scene.plate)
-    return found
+    return {name: Substance(name, 1.0, 0.0, scene.kind_of(name) or "", scene.materials[name], contacts, scene.plate)
+            for name, contacts in scene.falling_contacts.items()}
 
 
 def flaw_factors(modulus: float | None, length_m: float | None, seed: int, place_m: np.ndarray) -> np.ndarray:
@@ -205,6 +201,40 @@ def places_m(stones: Sequence[Stone]) -> np.ndarray:
 def impact_speed_m_s(stone: Stone, gravity_m_s2: Sequence[float]) -> float:
     """Speed with which a stone arrives. One that starts at rest is taken to arrive by gravity."""
     return float(max(stone.speed_m_s, np.sqrt(2 * -gravity_m_s2[2] * stone.gap_m), 1e-3))
+
+
+@dataclass(frozen=True)
+class Body:
+    """A whole stone that hits the rigid plate as one Hertz sphere."""
+
+    modulus_Pa: float  # E*
+    restitution: float
+    mass_kg: float
+    radius_m: float
+    speed_m_s: float
+
+    @cached_property
+    def stiffness_N_m32(self) -> np.float64:
+        return np.float64(hertz.stiffness_N_m32(self.modulus_Pa, self.radius_m))
+
+    @cached_property
+    def depth_m(self) -> np.float64:
+        """The largest approach."""
+        return np.float64(hertz.largest_approach_m(self.stiffness_N_m32, self.mass_kg, self.speed_m_s))
+
+    @property
+    def contact_time_s(self) -> float:
+        return float(hertz.contact_time_s(self.depth_m, self.speed_m_s))
+
+    @property
+    def peak_force_N(self) -> float:
+        return float(self.stiffness_N_m32 * self.depth_m**1.5)
+
+
+def body_of(stone: Stone, speed_m_s: float) -> Body:
+    """A stone as it hits the plate."""
+    return Body(stone.substance.modulus_on_plate_Pa, stone.substance.plate_contact.restitution, stone.mass_kg,
+                stone.radius_m, speed_m_s)
 
 
 class Flying:

@@ -26,7 +26,7 @@ from common.scene.file import scene_tables
 from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
 from dem.deck.time_step import step_limits, stone_contact_time_s, time_step
-from dem.record.energy_balance import ENERGY_SHARE
+from dem.run.energy_balance import ENERGY_SHARE
 from dem.run.run import RunError, run_scene
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import Assembly, assemble

@@ -17,7 +17,7 @@ from analysis.signals.features import BASE_PARAMETERS, signal_features
 from analysis.sweep.runs import Sweep
 from common.channels import ACCELEROMETERS
 from common.process.processes import side_by_side
-from dem.record.recorder import samples_of
+from dem.run.results import samples_of
 from lab.study import Row
 from recognition.methods import METHODS
 from recognition.models import PreparedRuns

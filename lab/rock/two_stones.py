@@ -24,7 +24,7 @@ from common import hertz
 from common.scene.scene import Scene, changed_scene
 from dem.coupling.launch import ENGINE
 from dem.deck.render import write_deck
-from dem.record.energy_balance import StoneLedger, read_ledger
+from dem.run.energy_balance import StoneLedger, read_ledger
 from dem.run.prepare import PreparedRun, prepare
 from dem.stones.assembly import Assembly
 from lab.rock import faces

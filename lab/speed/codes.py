@@ -24,8 +24,8 @@ import pandas as pd
 from scipy.stats import binom
 
 from dem.coupling.launch import ENGINE
-from dem.record.energy_balance import read_ledger
-from dem.record.recorder import read_forces
+from dem.run.energy_balance import read_ledger
+from dem.run.results import read_forces
 from dem.stones.packing import near_pairs
 from lab.rock.fcc import fcc_sphere
 from lab.study import Row

@@ -236,7 +236,7 @@ def bending_wavenumber(plate: FlexiblePlate, frequency_Hz: float, theory: str) -
 def highest_frequency_Hz(plate: FlexiblePlate) -> float:
     """Return `max_frequency_Hz` of a plate. Raises Refused if its table leaves it to the stones, or a copy has none."""
     if plate.max_frequency_Hz is None or not 0 < plate.max_frequency_Hz < math.inf:
-        raise Refused("max_frequency_Hz", plate.max_frequency_Hz, "must be above 0; error_laws.with_cut_off finds it")
+        raise Refused("max_frequency_Hz", plate.max_frequency_Hz, "must be above 0; dem.run.prepare finds it")
     return plate.max_frequency_Hz
 
 

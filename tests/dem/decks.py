@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dem.coupling.launch import ENGINE
-from dem.record.energy_balance import read_ledger
+from dem.run.energy_balance import read_ledger
 from lab.rock.dump import read_dump
 
 DENSITY = 2000.0

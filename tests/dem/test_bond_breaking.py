@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from decks import Body, bond_line, chain, deck, fcc_ball, frames, run_engine, write_files
 
-from dem.record.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
+from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
 
 E, RATIO = 5e9, 2.0
 LENGTH, RADIUS = 2e-3, 1e-3

@@ -5,7 +5,7 @@ import pytest
 from decks import bond_line, chain, deck, fcc_ball, frames, ledger, run_engine, write_files
 from scipy.spatial.transform import Rotation
 
-from dem.record.recorder import read_forces
+from dem.run.results import read_forces
 from dem.stones.bonds import Bonds
 from tests.dem.highest_frequency import highest_frequency_rad_s
 

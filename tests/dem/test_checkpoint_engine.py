@@ -11,7 +11,7 @@ import pytest
 from decks import FREE_FLIGHT, HEAD, MATERIAL, bond_line, fcc_ball, frames, ledger, write_files
 
 from dem.coupling.launch import ENGINE
-from dem.run.directory import engine_file, steps_of
+from dem.run.directory import half_of, steps_of
 
 EVERY, STEPS = 250, 1000
 AWAY = ("fix gravity unheld gravity 6000 vector 0 0 -1\n"
@@ -71,7 +71,7 @@ def split(directory, ranks, look=lambda: None):
         last_two = [step, step - EVERY] if step > EVERY else [step]  # the one before, and a new one
         assert steps_of(directory / "checkpoint") == last_two
         for older in last_two[1:]:  # who starts the engine removes all but the one to go on from
-            engine_file(directory / "checkpoint", older).unlink()
+            half_of(directory / "checkpoint", "engine", older).unlink()
         with open(directory / "forces.bin", "ab") as stream:  # what a killed run wrote after its checkpoint
             stream.write(b"torn")
         seen.append(look())
@@ -103,7 +103,7 @@ def test_a_split_run_is_the_undisturbed_one(tmp_path, ranks, fracture):
 
 
 def newest(directory):
-    return engine_file(directory, steps_of(directory)[0])
+    return half_of(directory, "engine", steps_of(directory)[0])
 
 
 def bodies_away(checkpoint):

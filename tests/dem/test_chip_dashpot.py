@@ -14,7 +14,7 @@ from test_smooth_contact import RADIUS_m, stone
 
 from dem.deck.contact import read_contacts
 from dem.deck.render import write_deck
-from dem.record.energy_balance import read_ledger
+from dem.run.energy_balance import read_ledger
 from dem.run.prepare import prepare
 from dem.stones.contact_patch import PATCH_RADIUS
 

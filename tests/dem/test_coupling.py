@@ -19,8 +19,8 @@ from common.resources import resource
 from dem.coupling.launch import ENGINE
 from dem.coupling.pipes import PlatePipes
 from dem.deck.render import write_deck
-from dem.record.recorder import read_forces
 from dem.run.prepare import prepare
+from dem.run.results import read_forces
 from dem.run.run import run_prepared, run_scene
 from plate_fem.modes import PlateModes, plate_modes
 

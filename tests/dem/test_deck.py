@@ -10,11 +10,10 @@ from scenes_of_tests import changed
 from common.scene.plate import FlexiblePlate
 from dem.deck.render import render
 from dem.deck.time_step import TimeStep, step_limits, time_step
-from dem.record.recorder import PlateRecorder
+from dem.run.participants import PlateRecorder
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
 from plate_fem.modes import plate_modes
-from plate_fem.motion import ModalMotion
 
 # What each part looks like in a deck.
 PARTS = {
@@ -116,8 +115,8 @@ def test_a_plate_without_rods_has_none_in_its_modes_and_signals():
     for changes, rods in ((held, 4), (held | {"plate.rods": None, "plate.edges": "simply_supported"}, 0)):
         scene = small("paper", changes)
         modes = plate_modes(scene.plate)
-        step = SimpleNamespace(sample_steps=1, fast_steps=1, dt_s=1e-6)
-        recorder = PlateRecorder(scene, modes, ModalMotion(modes, 1e-5), step, None, None)
+        step = SimpleNamespace(sample_steps=1, fast_steps=1, co_step=10, dt_s=1e-6)
+        recorder = PlateRecorder(scene, modes, step, None, None)
         assert len(modes.rod_force) == sum(column.startswith("rod_") for column in recorder.columns) == rods
 
 
@@ -128,7 +127,7 @@ def test_a_recorder_goes_on_whatever_waits():
     step = TimeStep(dt_s=1e-6, limits_s={}, bond_time_s=None, co_step=10, fast_steps=10, sample_steps=10, steps=3000)
 
     def recorder():
-        return PlateRecorder(scene, modes, ModalMotion(modes, 1e-5), step, None, lambda *_: None)
+        return PlateRecorder(scene, modes, step, None, lambda *_: None)
 
     def add(to, rows):
         to(range(10 * rows[0], 10 * rows[-1] + 1, 10), states[list(rows)], states[7, 0], states[8, 0])

@@ -9,8 +9,8 @@ import pytest
 from decks import run_engine
 from scenes_of_tests import SCENES
 
-from dem.record.energy_balance import read_ledger
-from dem.record.recorder import read_forces
+from dem.run.energy_balance import read_ledger
+from dem.run.results import read_forces
 
 FILES = SCENES.parent / "docs" / "deck"
 STONES, DT, G = 2, 5e-7, 9.81

@@ -17,7 +17,7 @@ from common.scene.scene import read_scene
 from common.tables import InputError
 from dem.deck.contact import column_stiffness_N_m, stiffest_face_N_m
 from dem.deck.render import write_deck
-from dem.record.energy_balance import read_ledger
+from dem.run.energy_balance import read_ledger
 from dem.run.prepare import prepare
 from dem.run.run import Stopped, resume, run_scene
 from dem.stones.assembly import assemble

@@ -10,7 +10,7 @@ from scenes_of_tests import changed
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from dem.record.recorder import read_forces
+from dem.run.results import read_forces
 from dem.run.run import run_scene
 
 GRAVITY = 9.8

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from decks import FREE_FLIGHT, Body, bond_line, chain, deck, frames, ledger, run_engine, write_files
 
-from dem.record.recorder import read_forces
+from dem.run.results import read_forces
 
 GRAVITY = 9.8
 DT = 2e-7

@@ -6,7 +6,7 @@ from decks import Body, deck, run_engine, write_files
 from scenes_of_tests import SCENES, hertz
 
 from common.scene.scene import changed_scene, read_scene
-from dem.record.recorder import read_forces
+from dem.run.results import read_forces
 from dem.run.run import resume, run_scene
 
 

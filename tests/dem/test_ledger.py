@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from decks import Body, bond_line, chain, deck, frames, ledger, run_engine, write_files
 
-from dem.record.energy_balance import COLUMNS, PlateEnergy, StoneLedger, energy_ledger, stone_energies
+from dem.run.energy_balance import COLUMNS, PlateEnergy, StoneLedger, energy_ledger, stone_energies
 
 
 @pytest.mark.parametrize("kernel", ["plain", "sse2", "auto"])

@@ -10,7 +10,7 @@ from scenes_of_tests import changed
 
 import dem.deck.time_step
 from dem.coupling.launch import ENGINE
-from dem.record.energy_balance import Unstable, check_closure
+from dem.run.energy_balance import Unstable, check_closure
 from dem.run.run import RunError, run_scene
 from lab.accuracy.stability import build, cases
 

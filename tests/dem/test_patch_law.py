@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from test_smooth_contact import RADIUS_m, stone
 
 from dem.deck.render import write_deck
-from dem.record.energy_balance import read_ledger
+from dem.run.energy_balance import read_ledger
 from dem.run.prepare import prepare
 
 STRENGTH_Pa = 200e6

@@ -15,9 +15,9 @@ import dem.run.results
 from common.files.cache import user_cache
 from dem.coupling.pipes import PlatePipes
 from dem.deck.contact import damping_ratio
-from dem.deck.time_step import plate_mobility_1_kg
 from dem.run.prepare import prepare
 from dem.run.run import run_prepared
+from plate_fem.impact import plate_mobility_1_kg
 from plate_fem.modes import PlateModes
 
 PLATE_kg, SLOW_Hz = 0.2, 0.1

@@ -8,8 +8,8 @@ from decks import run_engine
 from scenes_of_tests import changed, hertz
 
 from dem.deck.render import write_deck
-from dem.record.recorder import read_forces
 from dem.run.prepare import prepare
+from dem.run.results import read_forces
 from dem.run.run import run_scene
 from tests.plate_fem.plasticity import PlasticContact
 

@@ -11,7 +11,7 @@ from test_checkpoint_engine import engine, stopped_at_next
 from test_stream import PLATE as PLATE_OF_STREAMS, STREAMS, engine_run, scene_of, set_checkpoints, written
 
 from common.tables import InputError
-from dem.record.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
+from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
 from dem.run.run import run_scene
 from dem.stones.arrangement import stones_of
 

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from common.tables import Refused
 from dem.deck.contact import damping_ratio, elastic_damping_ratio
 from dem.deck.render import write_deck
-from dem.record.energy_balance import read_ledger
+from dem.run.energy_balance import read_ledger
 from dem.run.prepare import prepare
 from dem.run.run import Stopped, resume, run_scene
 from dem.stones.bonds import bond_network

@@ -11,7 +11,7 @@ from test_smooth_contact import PAIRS
 
 from common import hertz
 from dem.deck.contact import smooth_law
-from dem.record.energy_balance import read_ledger, stone_energies
+from dem.run.energy_balance import read_ledger, stone_energies
 from lab.rock.dump import read_dump
 from lab.rock.two_stones import Meeting, meet, scene_of, velocities, write_meeting
 

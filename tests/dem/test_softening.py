@@ -5,7 +5,7 @@ import pytest
 from decks import bond_line, deck, fcc_ball, ledger, run_engine, write_files
 from test_bond_breaking import AREA, CASES, LENGTH, RATIO, STEPS, STRENGTH, E, events, load_one_bond, two_balls
 
-from dem.record.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
+from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
 
 STORED_J_m2 = {"pull": STRENGTH**2 * LENGTH / (2 * E), "shear": STRENGTH**2 * LENGTH * RATIO / (2 * E),
                "twist": STRENGTH**2 * LENGTH * RATIO / (4 * E)}  # over the section, at the strength

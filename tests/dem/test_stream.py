@@ -11,9 +11,9 @@ from test_checkpoint_engine import engine, stopped_at_next
 from common.tables import InputError
 from dem.deck.render import write_deck
 from dem.deck.time_step import fast_per_sample
-from dem.record.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
-from dem.record.recorder import read_forces
+from dem.run.energy_balance import PlateEnergy, energy_ledger, read_ledger, stone_energies
 from dem.run.prepare import prepare
+from dem.run.results import read_forces
 from dem.stones.stone import Flying
 
 GRAVITY = 9.8

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, strategies as st
 from scenes_of_tests import changed, hertz
 
-from common.scene.error_laws import Law, expected_error, law, least_tolerance, with_cut_off
+from common.scene.error_laws import Law, expected_error, law, least_tolerance
 from common.tables import InputError
-from dem.deck.time_step import accuracy_settings, step_limits, stone_contact_time_s, time_step
+from dem.deck.time_step import accuracy_settings, step_limits, time_step
+from dem.run.prepare import with_cut_off
 from dem.run.run import run_scene
 from dem.stones.arrangement import stones_of
 from dem.stones.assembly import assemble
@@ -42,10 +43,9 @@ def settings_of(tolerance):
     """What a tolerance picks for one bonded stone, and the error expected of it."""
     scene = changed("single", WITHOUT_MODES | {"tolerance": tolerance})
     assembly = assemble(scene, stones_of(scene, "scene"))
-    contact = stone_contact_time_s(assembly)
     step = time_step(scene, step_limits(scene, assembly, "scene"), "scene", 0.1)
-    plate = with_cut_off(scene.plate, scene.tolerance, contact, bonded=True)
-    return step, plate, expected_error(accuracy_settings(scene.model_copy(update={"plate": plate}), assembly, step))
+    resolved = with_cut_off(scene, list(assembly.stones))
+    return step, resolved.plate, expected_error(accuracy_settings(resolved, assembly, step))
 
 
 def test_a_smaller_tolerance_picks_finer_settings_that_are_expected_to_keep_it():

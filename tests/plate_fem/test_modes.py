@@ -8,8 +8,8 @@ from common.tables import InputError, Refused
 from plate_fem import modes as modes_module
 from plate_fem.elements.mesh import bicubics, nodes
 from plate_fem.elements.rods import disc_quadrature, joint_of
+from plate_fem.impact import energy_left_out
 from plate_fem.modes import plate_modes, table_hash
-from plate_fem.plausible import energy_left_out
 from plate_fem.solution import eigen, model
 
 TABLE = plate(rods=[rod(0.15, 0.1)], max_frequency_Hz=1500.0, theory="kirchhoff")

@@ -8,7 +8,7 @@ from plates import plate
 from scipy.integrate import solve_ivp
 
 from common.input_error import InputError
-from dem.deck.plausible import deflection_warnings
+from plate_fem.impact import deflection_warnings
 from plate_fem.modes import plate_modes
 from plate_fem.motion import ModalMotion, RecordedMotion, pulse_response
 

@@ -13,9 +13,9 @@ from statics import static_response
 
 from plate_fem.elements.mesh import bending_stiffness, bending_wavenumber, choose_theory, shear_stiffness
 from plate_fem.elements.rods import disc_quadrature, load_rows
+from plate_fem.impact import energy_left_out
 from plate_fem.modes import NOWHERE, modes_for_loads, plate_modes
 from plate_fem.motion import ModalMotion
-from plate_fem.plausible import energy_left_out
 from plate_fem.solution.model import LOAD_RADIUS, build_model
 
 HELD = {"edges": "clamped", "max_frequency_Hz": 4e3}

@@ -9,7 +9,7 @@ import zlib
 
 import pytest
 
-from dem.run.directory import HEADER, engine_file, last_whole, name_of, plate_file, steps_of
+from dem.run.directory import HEADER, half_of, last_whole, name_of, steps_of
 from tests.robustness.small import run, small_stone, what_was_said
 
 SIGNALS = ("signals", "fast", "breakage", "energy", "contacts")
@@ -85,7 +85,8 @@ def test_each_part_of_a_checkpoint_is_checked(stopped, tmp_path, kind):
     """Its halves and every stream; without the engine."""
     step = steps_of(stopped[0] / "deck" / "checkpoint")[0]
     checkpoint = stopped[0] / "deck" / "checkpoint"
-    parts = [engine_file(checkpoint, step), plate_file(checkpoint, step), *[stopped[0] / "deck" / s for s in STREAMS]]
+    parts = [half_of(checkpoint, "engine", step), half_of(checkpoint, "plate", step),
+             *[stopped[0] / "deck" / s for s in STREAMS]]
     for number, part in enumerate(part for part in parts if part.exists() and part.stat().st_size):
         partial = copy_of(stopped, tmp_path / str(number))
         file, said = partial / part.relative_to(stopped[0]), []
@@ -106,9 +107,9 @@ def test_the_checkpoint_before_a_damaged_one_is_gone_on_from(stopped, tmp_path):
     partial = copy_of(stopped, tmp_path)
     checkpoint, said = partial / "deck" / "checkpoint", []
     step = steps_of(checkpoint)[0]
-    for name in (engine_file, plate_file):
-        shutil.copy(name(checkpoint, step), name(checkpoint, step + 1000))
-    flipped(engine_file(checkpoint, step + 1000), 0.3)
+    for half in ("engine", "plate"):
+        shutil.copy(half_of(checkpoint, half, step), half_of(checkpoint, half, step + 1000))
+    flipped(half_of(checkpoint, "engine", step + 1000), 0.3)
     assert whole_checkpoint(partial, said) == step
     assert len(said) == 1 and str(step + 1000) in said[0]
     assert steps_of(checkpoint) == steps_of(checkpoint, "plate") == [step]
@@ -131,7 +132,7 @@ def test_a_checkpoint_of_a_run_with_another_plate_is_refused(stopped, of_other_d
 def test_overwrite_begins_anew_whatever_was_begun(stopped, tmp_path):
     """A checkpoint that is whole and yet leads nowhere, here for its state, is no reason to clear up by hand."""
     partial = copy_of(stopped, tmp_path)
-    file = engine_file(partial / "deck" / "checkpoint", steps_of(partial / "deck" / "checkpoint")[0])
+    file = half_of(partial / "deck" / "checkpoint", "engine", steps_of(partial / "deck" / "checkpoint")[0])
     data = bytearray(file.read_bytes())
     at = data.index(b"atoms\0") + 40
     data[at:at + 8] = struct.pack("<d", 1e9)  # the tag of its first sub-sphere

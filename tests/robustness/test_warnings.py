@@ -8,7 +8,7 @@ import pytest
 from common.scene.scene import changed_scene
 from dem.deck.plausible import momentum_warnings, unfinished_warnings, warnings_of
 from dem.stones.arrangement import stones_of
-from plate_fem.plausible import warnings_of_plate
+from plate_fem.impact import warnings_of_plate
 from tests.robustness.small import SCENES, run
 
 

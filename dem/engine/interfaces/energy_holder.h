@@ -3,7 +3,7 @@
 
 namespace LAMMPS_NS {
 
-// A row of the ledger, one for each agglomerate. dem/record/energy_balance.py reads the columns in this order.
+// A row of the ledger, one for each agglomerate. dem/run/energy_balance.py reads the columns in this order.
 enum LedgerColumn {
   KINETIC,         // translation and spin of the sub-spheres, J
   MOMENTUM_Z,      // kg m/s

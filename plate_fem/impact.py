@@ -1,22 +1,66 @@
-"""What a plate's modes are not to be trusted for: warnings, and the energy of an impact that they leave out.
+"""The plate of a run as stones strike it: its modes, its mobility, the energy that the modes leave out, and warnings of
+what they are not to be trusted for.
 
 A short impact puts the energy |F(omega)|^2 / 2 into each mode of unit mass at the point of impact, F being the
 spectrum of the force. A plate has equally many modes in all bands of equal width. The share of the energy that
 belongs to modes above a frequency is therefore the share of the spectrum |F|^2 above it, whatever the plate.
 """
 
+from collections.abc import Callable
 from functools import cache
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from common.scene.plate import FlexiblePlate
+from common.scene.plate import FlexiblePlate, PlateTable
 from common.tables import InputError
 from plate_fem.elements import mesh, system
 from plate_fem.elements.rods import joint_range
+from plate_fem.modes import PlateModes, modes_for_loads
+from plate_fem.motion import RecordedMotion
 
+TOGETHER_s = 0.1  # stones that arrive within this time are taken to touch at once
 COARSER = 1.01  # than the mesh that the highest mode needs
 LEAST_SPAN = 10  # the shorter side in thicknesses
 MOST_LEFT_OUT = 0.05  # of the plate's energy above its modes
+MOST_DEFLECTION = 0.5  # over the thickness: beyond, a plate stretches as it bends (von Karman)
+
+
+class StruckPlate(NamedTuple):
+    """What a run needs of its plate: the modes, their mobility where stones push at once, and the share of energy that
+    would belong to modes above them."""
+
+    modes: PlateModes
+    mobility_1_kg: float
+    energy_left_out: float
+
+
+def struck_plate(plate: FlexiblePlate, place_m: np.ndarray, arrival_s: np.ndarray, contact_time_s: float,
+                 cache_dir: Path | None, tell: Callable[[list[str]], object]) -> StruckPlate:
+    """The plate on which stones arrive at places (k, 2) at times (k,), the shortest contact of which lasts
+    `contact_time_s`. Before its modes are sought, `tell` gets the warnings. Raises Refused as `plate_modes` does."""
+    left_out = energy_left_out(mesh.highest_frequency_Hz(plate), contact_time_s)
+    tell(warnings_of_plate(plate, left_out))
+    modes = modes_for_loads(plate, cache_dir, place_m)
+    return StruckPlate(modes, mobility_of_stones_1_kg(modes, place_m, arrival_s), left_out)
+
+
+def plate_mobility_1_kg(modes: PlateModes, place_m: np.ndarray) -> float:
+    """How much the plate under a stone accelerates at once for a force of 1 N on every stone, at most: the largest row
+    sum of |phi phi^T| over the stones' places (k, 2)."""
+    shape = modes.shape_at(place_m)
+    return float(np.abs(shape @ shape.T).sum(axis=1).max())
+
+
+def mobility_of_stones_1_kg(modes: PlateModes, place_m: np.ndarray, arrival_s: np.ndarray) -> float:
+    """`plate_mobility_1_kg` of the stones that arrive within TOGETHER_s of each other, at most. What fell long before
+    lies still or has left."""
+    order = np.argsort(arrival_s, kind="stable")
+    arrival, place = arrival_s[order], place_m[order]
+    ends = np.searchsorted(arrival, arrival + TOGETHER_s, side="right")
+    starts = np.flatnonzero(np.diff(ends, prepend=0) > 0)  # of windows that hold a stone that no one before does
+    return max(plate_mobility_1_kg(modes, place[k:ends[k]]) for k in starts)
 
 
 def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
@@ -41,6 +85,15 @@ def warnings_of_plate(plate: FlexiblePlate, left_out: float) -> list[str]:
         lines.append(f"plate.max_frequency_Hz = {highest_Hz:.4g}: {left_out:.2g} of the plate's energy belongs to "
                      f"modes above it; at most {MOST_LEFT_OUT:g} leaves forces and motion right")
     return lines + [line for number in range(len(plate.rods)) for line in _unknown_joint(plate, number)]
+
+
+def deflection_warnings(plate: PlateTable, motion: RecordedMotion | None) -> list[str]:
+    """Of a plate that, deflected so far, would stretch."""
+    if motion is None or not isinstance(plate, FlexiblePlate):
+        return []
+    largest_m = motion.deflection_m(plate.edges == "free", MOST_DEFLECTION * plate.thickness_m)
+    return [f"plate.thickness_m = {plate.thickness_m:g}: deflects by {largest_m / plate.thickness_m:.2g} of it; linear "
+            f"theory, without stretching, is for {MOST_DEFLECTION:g} and less"] if largest_m else []
 
 
 def _unknown_joint(plate: FlexiblePlate, number: int) -> list[str]:

@@ -1,1 +1,0 @@
-"""What a run records: signals, energy, stones, pictures."""
