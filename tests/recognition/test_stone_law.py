@@ -233,6 +233,15 @@ def test_how_slow_stones_are_that_met_in_the_air_is_learnt(prior, kept):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [40, 41, 42])
+def test_where_no_stone_came_down_slower_hardly_any_is_taken_for_one(prior, seed):
+    """As many as usual would be eight of sixty: the record says that there are none."""
+    rng = np.random.default_rng(seed)
+    _, law, told = answer(fallen(np.arange(60) % 2 == 0, rng), prior)
+    assert law.slowed(told).sum() < 1.0
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [10, 11, 12])
 def test_coal_that_strikes_again_makes_no_gangue_of_the_rest(prior, seed):
     """Half of the stones stay whole, bounce, and come down again with the speed that a restitution leaves them: without
