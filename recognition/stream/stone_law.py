@@ -46,7 +46,7 @@ LUMPS, LUMP_SD = 0.03, 0.8  # share, and deviation of the logarithm of size
 #: the odds grow as the rate of stones, 10 to 400 a second; deviation of their logit, FEWER times as large below: far
 #: apart none meet. Of the logarithm of their speed, mean and logarithm of the deviation, with deviations of both:
 #: restitutions from 0.5 to 0.9 leave -0.37 and log 0.17, stones that meet in the engine -0.5 and log 0.35.
-MEET_S, SLOWED_SD, FEWER = 3e-3, 1.0, 2.0
+MEET_S, SLOWED_SD, FEWER = 3e-3, 0.7, 3.0
 SLOWER, SLOWER_SD = np.array([-0.47, np.log(0.28)]), np.array([0.12, 0.3])
 USUAL_1_s, FASTEST_1_s = 50.0, 400.0  # rates where none is told, and beyond which none is known
 #: Of how many times larger the errors are than told, the logarithm: the plate is not quite its model, most at high
