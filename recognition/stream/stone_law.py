@@ -43,10 +43,10 @@ BREAKS_SD, OTHER, OTHER_SD = 1.5, -3.5, 1.0  # of logits
 HARDER_SD = 0.75  # of the logit of coal that breaks less that of gangue: of a weaker seam both break more
 LUMPS, LUMP_SD = 0.03, 0.8  # share, and deviation of the logarithm of size
 #: Stones that come down slower, since they bounced or struck another in the air: time within which two meet, so that
-#: the odds grow as the rate of stones, 10 to 400 a second; deviation of their logit. Of the logarithm of their speed,
-#: mean and logarithm of the deviation, with deviations of both: restitutions from 0.5 to 0.9 leave -0.37 and log 0.17,
-#: stones that meet in the engine -0.5 and log 0.35.
-MEET_S, SLOWED_SD = 3e-3, 1.0
+#: the odds grow as the rate of stones, 10 to 400 a second; deviation of their logit, FEWER times as large below: far
+#: apart none meet. Of the logarithm of their speed, mean and logarithm of the deviation, with deviations of both:
+#: restitutions from 0.5 to 0.9 leave -0.37 and log 0.17, stones that meet in the engine -0.5 and log 0.35.
+MEET_S, SLOWED_SD, FEWER = 3e-3, 0.7, 3.0
 SLOWER, SLOWER_SD = np.array([-0.47, np.log(0.28)]), np.array([0.12, 0.3])
 USUAL_1_s, FASTEST_1_s = 50.0, 400.0  # rates where none is told, and beyond which none is known
 #: Of how many times larger the errors are than told, the logarithm: the plate is not quite its model, most at high
@@ -165,11 +165,12 @@ class Beliefs:
     def log_prior(self, z: Floats) -> Floats:
         """(k,): of laws (k, NUMBERS), but for a constant; any share of gangue is as likely."""
         off, apart, breaks = z[:, CENTRE] - self.centre, z[:, APART] - self.apart, z[:, BROKEN] - self.breaks
+        slow = (z[:, SLOW] - self.slowed) / SLOWED_SD
         total = -0.5 * (np.einsum("ki,ij,kj->k", off, self.precisions[0], off)
                         + np.einsum("ki,ij,kj->k", apart, self.precisions[1], apart)
                         + np.sum(((z[:, SCATTERS] - self.scatter) / SCATTER_SD) ** 2, axis=1)
                         + np.einsum("ki,ij,kj->k", breaks, _BREAKS, breaks)
-                        + ((z[:, OTHERS] - OTHER) / OTHER_SD) ** 2 + ((z[:, SLOW] - self.slowed) / SLOWED_SD) ** 2
+                        + ((z[:, OTHERS] - OTHER) / OTHER_SD) ** 2 + np.maximum(slow, slow / FEWER) ** 2
                         + ((z[:, ERRORS] - LARGER) / LARGER_SD) ** 2
                         + np.sum((z[:, DROPPED] / DROPPED_SD) ** 2, axis=1)
                         + np.sum(((z[:, HOW_SLOW] - SLOWER) / SLOWER_SD) ** 2, axis=1))
