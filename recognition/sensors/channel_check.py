@@ -62,11 +62,10 @@ def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> Channe
         raise RecognitionError(f"signals of shape {signals.shape}; needs {len(plate.sensor_names)} channels")
     if not np.isfinite(signals).all():
         raise RecognitionError("a sample is not finite")
-    names, onset = plate.sensor_names, _onset(signals)
-    bends = plate.rms_shape > BENDS * plate.rms_shape.max()
-    hum = hum_of(signals, rate_Hz, onset * 4 // 5, float(plate.frequency_Hz[bends][0]))
-    told, refused = _told_of_hum(hum, abs(signals).max(axis=1), names), channel_faults(signals, names)
-    clean = signals - hum.sum if told else signals
+    names = plate.sensor_names
+    refused = channel_faults(signals, names)
+    onset = _onset(signals)
+    clean, hum, told = without_hum(signals, rate_Hz, plate, onset)
     if refused:
         return ChannelReport(clean, hum, None, tuple(told), tuple(refused))
     ringings = _ringings(clean, rate_Hz, plate, onset)
@@ -74,6 +73,15 @@ def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> Channe
         return ChannelReport(clean, hum, None, tuple(told), ())
     ringing, more_told, refused = _judged_together(ringings, names)
     return ChannelReport(clean, hum, ringing, (*told, *more_told), tuple(refused))
+
+
+def without_hum(signals: Floats, rate_Hz: float, plate: PlateModel, onset: int) -> tuple[Floats, "Hum", list[str]]:
+    """Accelerations (s, n) of a record in which the plate is struck from sample `onset` on, less offset and hum if
+    these are worth it, both, and what was taken away, one line each."""
+    bends = plate.rms_shape > BENDS * plate.rms_shape.max()
+    hum = hum_of(signals, rate_Hz, onset * 4 // 5, float(plate.frequency_Hz[bends][0]))
+    told = _told_of_hum(hum, abs(signals).max(axis=1), plate.sensor_names)
+    return signals - hum.sum if told else signals, hum, told
 
 
 def samples_before_impact(signals: Floats) -> int:

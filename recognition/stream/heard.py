@@ -133,7 +133,11 @@ def _of_record(record: str, out: Path, tapped: PlateModel, prior: StonePrior, kn
                window: Window, quiet_s: float, scale: float, unit: str | None) -> ListenResult:
     table, source = record_table(record, scale, unit)
     channels, values = channels_of(table, tapped, source)
-    if not 1 <= (ratios := round(values.shape[1] / RATE_Hz / window.step_s)) <= MOST_RATIOS:
+    length_s = values.shape[1] / RATE_Hz
+    if quiet_s >= length_s:
+        raise RecognitionError(f"{source}: {length_s:g} s long; must be longer than its quiet beginning, "
+                               f"--silence {quiet_s:g}")
+    if not 1 <= (ratios := round(length_s / window.step_s)) <= MOST_RATIOS:
         raise RecognitionError(f"--step {window.step_s:g}: leads to {ratios} ratios over time; must lead to 1 to "
                                f"{MOST_RATIOS}")
     found = recognise_stream(tapped, channels, prior, values, quiet_s, known, stop)

@@ -2,6 +2,7 @@
 is, and the error that is left; and its modes as a universal file, by pyuff (extra `records`).
 """
 
+import logging
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,11 +22,12 @@ from recognition.estimation.arrays import Booleans, Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import FORMAT, PlateModel
 from recognition.plate.records import numbers, read_accelerations
-from recognition.sensors.channel_check import channel_faults, clipped
+from recognition.sensors.channel_check import LEAST_HUM, channel_faults, clipped, without_hum
 from recognition.tapping.fit import BEYOND, IDENTIFIED, Fit, Fitted, Prior, fit_plate
 from recognition.tapping.structure import Parameters, Structure
 from recognition.tapping.taps import BAND, Tap
 
+_log = logging.getLogger(__name__)
 DRAWS, SEED = 64, 1  # of the posterior
 
 
@@ -282,4 +284,11 @@ def _tap(file: Path, table: TapTable, plate: PlateModel, content: TapFile) -> Ta
         faults.append(f"force_N: {cut}; unknown_force = true takes no notice of it")
     if faults:
         raise RecognitionError(f"{file}: {'; '.join(faults)}")
-    return tap
+    clean, _, told_of = without_hum(acceleration, rate_Hz, plate, tap.onset)
+    offset_N = 0.0 if force is None else float(np.median(force))
+    if force is not None and abs(offset_N) > LEAST_HUM * abs(force).max():
+        force = force - offset_N
+        told_of.append(f"force_N: offset {offset_N:.4g} N taken away")
+    for line in told_of:
+        _log.warning("note: %s: %s", file, line)
+    return replace(tap, acceleration=clean, force_N=force)

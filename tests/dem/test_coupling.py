@@ -71,7 +71,7 @@ def ball_on_plate(tmp_path, radius, thickness, length, speed, duration, max_freq
     scene = changed("elastic_plate", {
         "materials.gangue": STEEL, "stones.radius_m": radius, "stones.speed_m_s": speed, "stones.gap_m": 1e-7,
         "stones.positions_m": [[0.0, 0.0]], "time.duration_s": duration,
-        "time.sample_interval_s": duration / 10, "plate.rods": None, "plate.sensors": None,
+        "time.sample_interval_s": duration / 10, "time.view_interval_s": None, "plate.rods": None, "plate.sensors": None,
         **{f"plate.{key}": value for key, value in STEEL.items()}, "plate.damping_ratio": 0.0,
         "plate.edges": "simply_supported", "plate.size_m": [length, length],
         "plate.thickness_m": thickness, "plate.max_frequency_Hz": 2000.0})

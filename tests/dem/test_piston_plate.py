@@ -103,7 +103,8 @@ def test_between_messages_the_plate_moves_with_its_acceleration(tmp_path, monkey
     monkeypatch.setattr("dem.deck.time_step.FAST_Hz", 75e3)
     scene = changed("elastic_plate", {
         "stones.speed_m_s": 1e-6, "stones.gap_m": gap_m, "time.gravity_m_s2": None, "plate.sensors": None, "plate.rods": None, "plate.max_frequency_Hz": 2000.0,
-        "time.time_step_s": 1e-7, "time.co_step": 400, "time.duration_s": 4e-4, "time.sample_interval_s": 4e-4})
+        "time.time_step_s": 1e-7, "time.co_step": 400, "time.duration_s": 4e-4, "time.sample_interval_s": 4e-4,
+            "time.view_interval_s": None})
     model = prepare(scene, "piston", user_cache())
     model.modes = plate_that_moves()
 

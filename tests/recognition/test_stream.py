@@ -227,7 +227,8 @@ def test_times_are_those_of_the_centres(heard):
     (lambda t: t, ("--false-alarms-per-hour", "5"), "goes with --stop-above"),
     (lambda t: t, ("--law", "none.json"), "none.json: no law"),
     (lambda t: t, ("--known", "none.toml"), "none.toml"),
-    (lambda t: t, ("--silence", "1"), "from 0.02 s to the length of the record"),
+    (lambda t: t, ("--silence", "1"), "record.parquet: 0.2 s long; must be longer than its quiet beginning, --silence 1"),
+    (lambda t: t[:1000], ("--silence", "0.05"), "0.05 s long; must be longer than its quiet beginning, --silence 0.05"),
     (lambda t: t, ("--silence", "nan"), "from 0.02 s to the length of the record"),
 ])
 def test_bad_input_of_the_command(plate, tmp_path, capsys, change, options, said):

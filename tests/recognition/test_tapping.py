@@ -112,6 +112,22 @@ def test_command_writes_the_plate(truth, tmp_path, capsys):
     assert "not identified" in said and f"\n{len(PLACES)} taps, {len(PLACES)} with a measured force\n" in said
 
 
+def test_an_offset_of_a_channel_and_hum_are_taken_away(truth, tmp_path, capsys):
+    """As of a sensor that feels its weight: without, nothing of that channel would be explained."""
+    taps = hammer_taps(truth, PLACES, np.random.default_rng(7), rate_Hz=8e3)
+    assert main(["tap", *write_taps(tmp_path, taps, truth.sensor_names)]) == 0
+    told, frequency_Hz = capsys.readouterr(), PlateModel.load(tmp_path / "plate.json").frequency_Hz[3:8]
+    assert "taken away" not in told.err
+    t_s = np.arange(taps[0].acceleration.shape[1]) / 8e3
+    added = np.array([[0.0 * t_s], [9.81 + 0.0 * t_s], [3.0 * np.sin(2 * np.pi * 50 * t_s)], [0.0 * t_s]])[:, 0]
+    humming = [replace(tap, acceleration=tap.acceleration + added, force_N=tap.force_N + 40.0) for tap in taps]
+    assert main(["tap", *write_taps(tmp_path, humming, truth.sensor_names)]) == 0
+    told = capsys.readouterr().err
+    assert told.count("west: offset 9.") == 2 and told.count("south: hum at 50 Hz of") == 2
+    assert told.count("force_N: offset 40 N") == 2
+    np.testing.assert_allclose(PlateModel.load(tmp_path / "plate.json").frequency_Hz[3:8], frequency_Hz, rtol=2e-4)
+
+
 @pytest.mark.parametrize("change, said", [
     (lambda table: table.assign(acc_west_m_s2=table["acc_west_m_s2"].clip(-20, 20)), "west: clipped: "),
     (lambda table: table.assign(force_N=table["force_N"].rolling(4, min_periods=1).max()), "force_N: clipped: "),
