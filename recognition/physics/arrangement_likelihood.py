@@ -20,7 +20,7 @@ Discrete Inverse Problems, 2010).
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 from math import comb
 
@@ -164,9 +164,15 @@ class ArrangementModel:
         return [fftconvolve(one, low_pass(self.stride)[0][None, :, None], axes=1) for one in every]
 
     @cached_property
-    def law_at(self) -> Callable[[float], RecordLaw]:
-        """Law of records that begin so many steps after the impact; all of them are kept."""
-        return cache(self._law_at)
+    def _kept(self) -> dict[float, RecordLaw]:
+        return {}
+
+    def law_at(self, shift: float) -> RecordLaw:
+        """Law of records that begin `shift` steps after the impact. All are kept, in a dict since a model goes to other
+        processes."""
+        if shift not in self._kept:
+            self._kept[shift] = self._law_at(shift)
+        return self._kept[shift]
 
     def _law_at(self, shift: float) -> RecordLaw:
         hat, *scatter = self._taken

@@ -2,6 +2,7 @@
 of a known law on a small plate whose motion is found by `ModalMotion` in small steps."""
 
 import json
+import pickle
 import tempfile
 from dataclasses import replace
 from functools import cache
@@ -323,8 +324,10 @@ def test_where_stones_touch_scatters_records_along_both_axes():
 def test_saved_and_read(method):
     saved = json.loads(json.dumps(encode(method)))
     X, _ = draw(5, 6)
-    again = [answer.ratio for answer in decode(saved, ArrangementLikelihood).answer(X)]
-    assert again == pytest.approx([answer.ratio for answer in method.answer(X)], abs=1e-4)
+    ratios = [answer.ratio for answer in method.answer(X)]
+    assert [answer.ratio for answer in decode(saved, ArrangementLikelihood).answer(X)] == pytest.approx(ratios, abs=1e-4)
+    another_process = pickle.loads(pickle.dumps(method))  # of one that has answered
+    assert [answer.ratio for answer in another_process.answer(X)] == ratios
     saved["model_"]["law"]["covariance"] = saved["model_"]["law"]["covariance"][:-1]
     with pytest.raises(ValueError, match="do not fit"):
         decode(saved, ArrangementLikelihood)
