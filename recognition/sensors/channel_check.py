@@ -65,7 +65,7 @@ def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> Channe
     names = plate.sensor_names
     refused = channel_faults(signals, names)
     onset = _onset(signals)
-    clean, hum, told = without_hum(signals, rate_Hz, plate, onset)
+    clean, hum, told = without_hum(signals, rate_Hz, plate, onset, LEAST_PERIODS)
     if refused:
         return ChannelReport(clean, hum, None, tuple(told), tuple(refused))
     ringings = _ringings(clean, rate_Hz, plate, onset)
@@ -75,11 +75,14 @@ def check_channels(signals: Floats, rate_Hz: float, plate: PlateModel) -> Channe
     return ChannelReport(clean, hum, ringing, (*told, *more_told), tuple(refused))
 
 
-def without_hum(signals: Floats, rate_Hz: float, plate: PlateModel, onset: int) -> tuple[Floats, "Hum", list[str]]:
+def without_hum(signals: Floats, rate_Hz: float, plate: PlateModel, onset: int,
+                periods: float) -> tuple[Floats, "Hum", list[str]]:
     """Accelerations (s, n) of a record in which the plate is struck from sample `onset` on, less offset and hum if
-    these are worth it, both, and what was taken away, one line each."""
+    these are worth it, both, and what was taken away, one line each. A record that is not still is looked at for hum
+    where it has so many `periods` of it."""
     bends = plate.rms_shape > BENDS * plate.rms_shape.max()
-    hum = hum_of(signals, rate_Hz, onset * 4 // 5, float(plate.frequency_Hz[bends][0]))
+    long_enough = signals.shape[1] >= periods / min(MAINS_Hz) * rate_Hz * (1 - 1e-9)
+    hum = hum_of(signals, rate_Hz, onset * 4 // 5, float(plate.frequency_Hz[bends][0]) if long_enough else 0.0)
     told = _told_of_hum(hum, abs(signals).max(axis=1), plate.sensor_names)
     return signals - hum.sum if told else signals, hum, told
 

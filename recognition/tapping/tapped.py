@@ -29,6 +29,7 @@ from recognition.tapping.taps import BAND, Tap
 
 _log = logging.getLogger(__name__)
 DRAWS, SEED = 64, 1  # of the posterior
+HUM_PERIODS = 5.0  # of a tap's record: in fewer the plate's own motion may pass for hum
 
 
 @dataclass(frozen=True)
@@ -284,7 +285,7 @@ def _tap(file: Path, table: TapTable, plate: PlateModel, content: TapFile) -> Ta
         faults.append(f"force_N: {cut}; unknown_force = true takes no notice of it")
     if faults:
         raise RecognitionError(f"{file}: {'; '.join(faults)}")
-    clean, _, told_of = without_hum(acceleration, rate_Hz, plate, tap.onset)
+    clean, _, told_of = without_hum(acceleration, rate_Hz, plate, tap.onset, HUM_PERIODS)
     offset_N = 0.0 if force is None else float(np.median(force))
     if force is not None and abs(offset_N) > LEAST_HUM * abs(force).max():
         force = force - offset_N
