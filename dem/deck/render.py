@@ -27,7 +27,8 @@ from dem.deck.contact import (
     write_surfaces,
     yield_pressure_Pa,
 )
-from dem.deck.time_step import TimeStep, picture_schedule, weak_contact
+from dem.deck.pictures import picture_schedule
+from dem.deck.time_step import TimeStep, weak_contact
 from dem.stones.assembly import CONTACT_RADIUS_RATIO, Assembly
 from dem.stones.stone import Entry, Substance
 from plate_fem.elements.mesh import nodes

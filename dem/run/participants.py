@@ -19,7 +19,8 @@ from common.files.parquet import Columns
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene
 from dem.coupling.pipes import CheckpointMessage, CouplingError, FinishedMessage, ForceMessage, PlatePipes
-from dem.deck.time_step import PictureSchedule, TimeStep, picture_schedule
+from dem.deck.pictures import PictureSchedule, picture_schedule
+from dem.deck.time_step import TimeStep
 from dem.run.directory import BY_HAND, State, half_of, read_plate_state, write_plate_state
 from dem.run.energy_balance import PlateEnergy, PlateMonitor
 from dem.run.paraview import Mesh, PlateMeshes

@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 from scenes_of_tests import changed, one_by_one
 
-from dem.deck.time_step import ALL_IMPACT_PICTURES, PictureSchedule, arrival_s, picture_schedule, step_limits, time_step
+from dem.deck.pictures import ALL_IMPACT_PICTURES, PictureSchedule, arrival_s, picture_schedule
+from dem.deck.time_step import step_limits, time_step
 from dem.run.paraview import read_pictures
 from dem.run.run import run_scene
 from dem.stones.arrangement import stones_of
@@ -26,7 +27,7 @@ def taken(runs):
     for name, changes in outputs.items():
         with pytest.MonkeyPatch.context() as patch:
             if name == "even":  # as in a stream
-                patch.setattr("dem.deck.time_step.IMPACT_PICTURES", 0)
+                patch.setattr("dem.deck.pictures.IMPACT_PICTURES", 0)
             run_scene(changed("single", STONE | changes), "single", runs / f"pictures_{name}")
     return {name: runs / f"pictures_{name}" for name in outputs}
 

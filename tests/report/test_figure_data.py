@@ -8,8 +8,12 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from analysis import read_sweep
 from report.drawing.data import to_csv
 from report.response import stress_maps
+from report.sweep_results import SweepResults
+from report.theory import Theory
+from tests.analysis.synthetic import write_sweep
 
 
 def read_back(figure):
@@ -55,3 +59,14 @@ def test_maps_of_stress_are_at_their_places_in_data_and_picture():
         column, row = figure.dpi_scale_trans.inverted().transform(axis.transData.transform(place)) * 200
         colour = matplotlib.colormaps["cividis"]((2.0 + 5.0 * place[0] + 10.0 * place[1]) / 4.0)
         assert pixels[-int(row), int(column)] == pytest.approx(colour, abs=0.02)
+
+
+def test_total_forces_are_sums_of_single_peaks(tmp_path):
+    """By Hertz' closed form ten of coal or of gangue push a rigid plate by 42.6 and 76.5 kN."""
+    theory = Theory(SweepResults(read_sweep(write_sweep(tmp_path / "paper", ratios=(0.0, 1.0)))))
+    assert theory.beam_totals_N["PH"] == pytest.approx(np.linspace(42.6e3, 76.5e3, 11), abs=50)
+    places_m, order = theory.setup.places_m, theory.setup.gangue_order
+    peaks_N = {kind: one["FN"] for kind, one in theory.single_peaks_N(places_m[:, 0]).items()}
+    changed = np.array(order[:3]) - 1
+    three_N = peaks_N["coal"].sum() + (peaks_N["gangue"] - peaks_N["coal"])[changed].sum()
+    assert theory.beam_totals_N["FN"][3] == pytest.approx(three_N, rel=1e-12)
