@@ -24,7 +24,7 @@ void ArrayBody::place_faces(std::vector<Face> &faces) {
 }
 
 void ArrayBody::measure() {
-  mass = inner_energy = radius = 0;
+  mass = inner_energy = parts_radius = 0;
   center = velocity = momentum = Vec();
   inertia = Tensor();
   for (int i : atoms) {
@@ -38,8 +38,9 @@ void ArrayBody::measure() {
     const Vec arm = Vec(atom_->x[i]) - center;
     inertia.add_inertia(m, arm, own_inertia(i));
     momentum += m * cross(arm, Vec(atom_->v[i]) - velocity) + own_inertia(i) * Vec(atom_->omega[i]);
-    radius = std::max(radius, norm(arm) + atom_->radius[i]);
+    parts_radius = std::max(parts_radius, norm(arm) + atom_->radius[i]);
   }
+  radius = parts_radius;
   omega = inertia.inverse() * momentum;
   spin = norm(omega);
   inner_energy = energy_over(*this);

@@ -10,13 +10,13 @@ namespace LAMMPS_NS {
 
 namespace {
 
-const int NUMBERS = 24;  // before the arrays in a row
+const int NUMBERS = 26;  // before the arrays in a row
 
 }  // namespace
 
 FreeBody::FreeBody(const Atom *atom, ArrayBody &b, const Vec &weight, bigint step, double dt)
     : start(step), dt(dt) {
-  mass = b.mass, radius = b.radius, outside = b.outside, agglomerate = b.agglomerate;
+  mass = b.mass, radius = b.radius, parts_radius = b.parts_radius, outside = b.outside, agglomerate = b.agglomerate;
   faces_outside = b.faces_outside, is_still = b.is_still;
   own_surface = b.own_surface;
   motion = RigidMotion(b.center, b.velocity, weight, b.momentum, b.inertia, b.atoms.size() == 1);
@@ -39,7 +39,7 @@ void FreeBody::append_to(std::vector<double> &row) const {
                             double(is_leaving), double(is_waking), double(safe_until), double(meets_at), spin, radius,
                             outside, double(parts.size()), double(packed.size()), own_surface.inner,
                             own_surface.outer, own_surface.x.x, own_surface.x.y, own_surface.x.z, faces_outside,
-                            double(own_faces.size()), double(is_still)};
+                            double(own_faces.size()), double(is_still), parts_radius, own_surface.patch};
   row.insert(row.end(), numbers, numbers + NUMBERS);
   append_bytes(row, &motion, 1);
   append_bytes(row, parts.data(), parts.size());
@@ -52,8 +52,8 @@ FreeBody::FreeBody(const double *&row) {
   bond_elastic = row[5], pair_elastic = row[6], is_leaving = row[7] != 0, is_waking = row[8] != 0;
   safe_until = bigint(row[9]), meets_at = bigint(row[10]), spin = row[11], radius = row[12], outside = row[13];
   parts.resize(size_t(row[14])), packed.resize(size_t(row[15]));
-  own_surface = {Vec(row + 18), row[16], row[17]}, faces_outside = row[21];
-  own_faces.resize(size_t(row[22])), is_still = row[23] != 0;
+  own_surface = {Vec(row + 18), row[16], row[17], row[25]}, faces_outside = row[21];
+  own_faces.resize(size_t(row[22])), is_still = row[23] != 0, parts_radius = row[24];
   row += NUMBERS;
   take_bytes(row, &motion, 1);
   take_bytes(row, parts.data(), parts.size());

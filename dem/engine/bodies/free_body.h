@@ -60,7 +60,11 @@ class FreeBody : public Outline {
   // A body that leaves the arrays at this step. `weight` is that of 1 kg, N, dt in s.
   FreeBody(const Atom *, ArrayBody &, const Vec &weight, bigint step, double dt);
 
-  Shell surface() override { return {center + attitude()(own_surface.x), own_surface.inner, own_surface.outer}; }
+  Shell surface() override {
+    Shell now = own_surface;
+    now.x = center + attitude()(own_surface.x);
+    return now;
+  }
   const Rotation &attitude() { return motion.attitude(time(step_)); }
   double kinetic() const {
     const Vec v0 = motion.velocity(0);

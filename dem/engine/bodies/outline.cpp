@@ -49,15 +49,23 @@ double time_into(double x, double low, double high, double v, double a, double f
   return time_to_travel(x - high, faster - v, -a);
 }
 
-double spin_speed(Outline &a) { return a.spheres().size() == 1 ? 0 : a.spin * a.radius; }
+double spin_speed(Outline &a) { return a.spheres().size() == 1 ? 0 : a.spin * a.parts_radius; }
 
 double surface_speed(const Outline &a) { return a.spin * norm(a.own_surface.x); }
 
-// Time until a face can be parallel to the plate.
-double time_to_turn(const Face &face, double spin) {
-  const double angle = std::acos(std::clamp(-face.normal.z, -1.0, 1.0)) - face.within_rad;
+// Time until a direction can be within an angle of straight down.
+double time_to_turn(const Vec &direction, double within_rad, double spin) {
+  const double angle = std::acos(std::clamp(-direction.z / norm(direction), -1.0, 1.0)) - within_rad;
   if (angle <= 0) return 0;
   return spin > 0 ? angle / spin : NEVER_s;
+}
+
+// Time until a sub-sphere can be in the patch beneath the smooth surface. Its place may be off by what the stone has
+// deformed.
+double time_into_patch(const Sphere &s, const Shell &surface, double spin) {
+  const Vec arm = s.x - surface.x;
+  const double wide = surface.patch + surface.outer - surface.inner, far = norm(arm);
+  return wide < far ? time_to_turn(arm, std::asin(wide / far), spin) : 0;
 }
 
 // Time until sub-spheres, or smooth surfaces of two stones, can touch when the centres approach with `speed`. Surfaces
@@ -77,7 +85,7 @@ double time_to_touch_with_face(Outline &body, const PlateOutline &plate, double 
   if (!body.is_still) return first;
   for (const Face &face : body.faces()) {
     const double fall = time_to_fall(face.x.z - face.height - plate.reach, rise, gravity);
-    if (fall < first) first = std::min(first, std::max(fall, time_to_turn(face, body.spin)));
+    if (fall < first) first = std::min(first, std::max(fall, time_to_turn(face.normal, face.within_rad, body.spin)));
   }
   return first;
 }
@@ -108,10 +116,16 @@ double time_to_plate(Outline &body, const PlateOutline &plate, const Vec &weight
     const double reach = plate.reach + (body.is_still ? body.outside : most_outside);
     double fine = std::min(time_to_fall(lowest - reach, rise, gravity), time_to_touch_with_face(body, plate, rise, gravity));
     if (body.own_surface.outer > 0) {
-      // Where a fragment's surface would be beneath the plate, its sub-spheres may still be too high for a patch.
-      const double foot = body.surface().x.z - body.own_surface.outer - plate.reach;
-      const double patch = time_to_fall(lowest - plate.reach - plate.patch_height, rise, gravity);
-      fine = std::min(fine, std::max(time_to_fall(foot, v.z - surface_speed(body), gravity), patch));
+      // Where a fragment's surface would be beneath the plate, its sub-spheres may still be too high for a patch, or
+      // too far aside.
+      const Shell surface = body.surface();
+      double patch = NEVER_s;
+      for (const Sphere &s : body.spheres()) {
+        const double low = time_to_fall(s.x.z - s.radius - plate.reach - plate.patch_height, rise, gravity);
+        if (low < patch) patch = std::min(patch, std::max(low, time_into_patch(s, surface, body.spin)));
+      }
+      const double foot = time_to_fall(surface.x.z - surface.outer - plate.reach, v.z - surface_speed(body), gravity);
+      fine = std::min(fine, std::max(foot, patch));
     }
     down = std::max(down, fine);
   }

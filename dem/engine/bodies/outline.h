@@ -10,10 +10,11 @@ struct Sphere {
   double radius;
 };
 
-// A smooth surface between two spheres about one point, m. Both radii are 0 where there is none.
+// A smooth surface between two spheres about one point, m. All radii are 0 where there is none. It presses on the plate
+// with a patch of sub-spheres no farther than `patch` from the vertical line through that point.
 struct Shell {
   Vec x;
-  double inner = 0, outer = 0;
+  double inner = 0, outer = 0, patch = 0;
 };
 
 // A flat face of a stone, with the sub-sphere behind it. It touches the plate only while it lies parallel to it.
@@ -34,11 +35,16 @@ class Outline {
   bool is_still = false;     // so that it may fly among heights at which a face could touch, until one does
   double spin = 0;       // bound for |omega|, rad/s
   double radius = 0;     // of the sphere about the centre of mass that holds the body and its smooth surface
+  double parts_radius = 0;  // of the one that holds its sub-spheres
   int agglomerate = 0;
   // The smooth surface with which it touches the plate and other stones, from the centre of mass.
   Shell own_surface;
   virtual ~Outline() {}
-  virtual Shell surface() { return {center + own_surface.x, own_surface.inner, own_surface.outer}; }
+  virtual Shell surface() {
+    Shell now = own_surface;
+    now.x += center;
+    return now;
+  }
   // Its sub-spheres. They are placed when first asked for, where the sphere that holds the body is not enough.
   const std::vector<Sphere> &spheres() {
     if (spheres_.empty()) place(spheres_);

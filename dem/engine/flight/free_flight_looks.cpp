@@ -63,17 +63,15 @@ void FreeFlightLooks::setup() {
   outline_.reach = -1;  // none known
 }
 
-// The next look, and its answer by the plate, which is asked where it is at its next message.
-int FreeFlightLooks::horizon() const { return rules_.every + 2 + (plate_ ? plate_->longest_message() : 0); }
+// Steps until the next look has been acted on.
+int FreeFlightLooks::horizon() const { return rules_.every + 2; }
 
 double FreeFlightLooks::horizon_s() const { return horizon() * update->dt; }
 
 double FreeFlightLooks::unforeseen_s() const { return UNFORESEEN_LOOKS * rules_.every * update->dt; }
 
 // How long a body that leaves must touch nothing.
-double FreeFlightLooks::rest_s() const {
-  return std::max(LEAST_REST * rules_.every, horizon() + rules_.every) * update->dt;
-}
+double FreeFlightLooks::rest_s() const { return LEAST_REST * rules_.every * update->dt; }
 
 bool FreeFlightLooks::look() {
   Look look;
@@ -114,8 +112,13 @@ bool FreeFlightLooks::is_pushed(int label) const {
   return false;
 }
 
+// Until the last message before it can touch the plate, which then tells where it is.
+double FreeFlightLooks::time_to_message(Outline &b) const {
+  return std::max(0.0, time_to_plate(b, outline_, rules_.weight) - plate_->longest_message() * update->dt);
+}
+
 double FreeFlightLooks::time_to_obstacle(Outline &b) const {
-  double time = plate_ ? time_to_plate(b, outline_, rules_.weight) : std::numeric_limits<double>::infinity();
+  double time = plate_ ? time_to_message(b) : std::numeric_limits<double>::infinity();
   for (const SideWall *wall : walls_) time = std::min(time, time_to_wall(b, wall->outline(), rules_.weight));
   return time;
 }
@@ -174,7 +177,7 @@ void FreeFlightLooks::watch_bodies_in_flight(const Look &look) {
   for (size_t k = 0; k < bodies_.size(); k++) {
     FreeBody *b = bodies_[k].get();
     if (b->safe_until < update->ntimestep + horizon()) {
-      if (plate_ && plate_->is_quiet() && !asked && time_to_plate(*b, outline_, rules_.weight) < horizon_s()) {
+      if (plate_ && plate_->is_quiet() && !asked && time_to_message(*b) < horizon_s()) {
         plate_->ask_reach();
         update_reach();
         asked = true;

@@ -64,6 +64,7 @@ class FreeFlightLooks : protected Pointers {
   double rest_s() const;
   double horizon_s() const;
   double unforeseen_s() const;
+  double time_to_message(Outline &) const;
   double time_to_obstacle(Outline &) const;
   bool has_left(const Outline &) const;
   bool have_left(const Outline &a, const Outline &b) const { return stream_ && has_left(a) && has_left(b); }

@@ -130,8 +130,9 @@ Shell StonePieces::surface(const std::vector<int> &tags) {
   if (centers.empty()) return all;
   double off = 0;
   for (const Vec &center : centers) off = std::max(off, norm(center - all.x));
-  const double radius = surfaces_.stones()[agglomerates_.of_tag(tags[0])].radius;
-  all.inner = std::max(0.0, (1 - DEFORMED) * radius - off), all.outer = radius + off;
+  const SmoothStone &stone = surfaces_.stones()[agglomerates_.of_tag(tags[0])];
+  all.inner = std::max(0.0, (1 - DEFORMED) * stone.radius - off), all.outer = stone.radius + off;
+  all.patch = stone.patch_radius;
   return all;
 }
 
