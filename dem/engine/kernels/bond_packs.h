@@ -102,6 +102,7 @@ template <int W> class PackedKernel : public BondKernel {
   typedef typename Simd<W>::Reg R;
   typedef Vec3<W> V;
   static constexpr int PARTS = 8 / W;  // registers a record
+  static constexpr size_t PACKS_AHEAD = 3, NEAR_BYTES = 16 << 20;
 
   struct Ends {
     V x;
@@ -114,6 +115,7 @@ template <int W> class PackedKernel : public BondKernel {
   std::vector<int> id_;  // of bond l of pack p at p W + l
   std::vector<size_t> place_;  // there, by id, of bonds that soften
   std::vector<Stretch> stretches_;
+  size_t fetched_ = 0;  // packs, of all where they are too many for the near caches, else of none
   std::vector<R> distance_;  // of the two ends of the bonds of each pack, where add_stretches was asked
 
   static Ends load(const AtomRecord *atom, const int *index) {
@@ -135,6 +137,12 @@ template <int W> class PackedKernel : public BondKernel {
       transpose(m + part * W);
     }
     return {m[0], m[1], m[2]};
+  }
+
+  // Asks in time for what a later pack reads and adds to at its ends j. Those at i are near: bonds are in their order.
+  template <class Sum> void fetch(size_t k, const AtomRecord *atom, const Sum *sum) const {
+    if (k + PACKS_AHEAD >= fetched_) return;
+    for (const int j : packs_[k + PACKS_AHEAD].j) __builtin_prefetch(atom + j), __builtin_prefetch(sum + j, 1);
   }
 
   // What is left of it where the bond has softened.
@@ -198,6 +206,7 @@ template <int W> class PackedKernel : public BondKernel {
       }
       l++;
     }
+    fetched_ = packs_.size() * sizeof(Pack<W>) > NEAR_BYTES ? packs_.size() : 0;
   }
 
   void add_stretches(const AtomRecord *atom, double *stretch) override {
@@ -231,6 +240,7 @@ template <int W> class PackedKernel : public BondKernel {
     const R compliance = R{} + 1 / material.modulus;
     for (size_t k = begin; k < end; k++) {
       const Pack<W> &b = packs_[k];
+      fetch(k, atom, stretch);
       const V branch = load_place(atom, b.j) - load_place(atom, b.i);
       const R r = Simd<W>::root(dot<W>(branch, branch)), own = area(b, compliance) * (r - b.length);
       distance_[k] = r;
@@ -250,6 +260,7 @@ template <int W> class PackedKernel : public BondKernel {
     int n_broken = 0;
     for (size_t k = begin; k < end; k++) {
       Pack<W> &b = packs_[k];
+      fetch(k, atom, force);
       const Ends i = load(atom, b.i), j = load(atom, b.j);
       const V d0{b.dx, b.dy, b.dz};
       const V branch = j.x - i.x;
