@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -51,8 +52,9 @@ def _made_by(jobs: int) -> Iterator[dict[str, Any]]:
     if jobs == 1:
         yield from map(_made, range(len(_waiting)))
         return
-    with multiprocessing.get_context("fork").Pool(jobs) as pool:  # copies, which know the rows
-        yield from pool.imap(_made, range(len(_waiting)))
+    # Copies, which know the rows and may have copies of their own.
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("fork")) as pool:
+        yield from pool.map(_made, range(len(_waiting)))
 
 
 def _records(file: Path) -> list[dict[Any, Any]]:

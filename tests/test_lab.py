@@ -1,12 +1,15 @@
 """The laboratory: the product does without it, its results say what made them, and pages have its tables."""
 
 import ast
+import os
 import warnings
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
+from dem.batch.sweep import run_all
 from lab import results, tables
 from lab.__main__ import age, main, options_of
 from lab.cases import CASES
@@ -164,6 +167,13 @@ def test_rows_are_made_once_and_kept_as_they_come(tmp_path):
     assert made_now == ["a", "b"] and table["found"].tolist() == [1.5, 2.5]
     assert made([row("b", 2.5)], file)["found"].tolist() == [2.5] and made_now == ["a", "b"]
     assert made([row(str(k), k) for k in range(4)], tmp_path / "others.csv", jobs=2)["found"].tolist() == [0, 1, 2, 3]
+
+
+def test_rows_made_side_by_side_may_start_processes(tmp_path):
+    def work():
+        return {"found": list(run_all([partial(int, "3")], 1, os.open(tmp_path, os.O_RDONLY)))[0][2]}
+
+    assert made([Row({"k": k}, work) for k in (1, 2)], tmp_path / "rows.csv", jobs=2)["found"].tolist() == [3, 3]
 
 
 def test_list_names_every_case_and_a_wrong_word_is_refused(capsys):

@@ -147,8 +147,9 @@ def run_all(works: Sequence[Work], at_a_time: int, lock: int) -> Iterator[tuple[
             while waiting and len(running) < at_a_time:
                 number, work = waiting.pop()
                 ours, theirs = fork.Pipe(duplex=False)
-                running.append(_Child(number, fork.Process(target=_do, args=(work, theirs, lock)), ours))
-                running[-1].process.start()
+                child = _Child(number, fork.Process(target=_do, args=(work, theirs, lock)), ours)
+                child.process.start()
+                running.append(child)
                 theirs.close()
             ended = wait([child.process.sentinel for child in running])
             for child in [child for child in running if child.process.sentinel in ended]:
