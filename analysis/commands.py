@@ -5,19 +5,21 @@ from dataclasses import dataclass
 
 from analysis.files.readers import read_record
 from analysis.signals.features import Feature, features_of
-from analysis.signals.records import RecordError
+from analysis.signals.records import RecordError, clipped
 from common.result import Result
 
 
 @dataclass(frozen=True)
 class FeaturesResult(Result):
-    """Time-frequency parameters of a record by their names. left_out: why those of its IMFs are not among them."""
+    """Time-frequency parameters of a record by their names. left_out: why those of its IMFs are not among them.
+    clipped: why the record is taken to be cut off at its ends, where it is."""
 
     record: str
     rate_Hz: float
     samples: int
     features: Mapping[str, Feature]
     left_out: str | None = None
+    clipped: str | None = None
 
     def words(self) -> Iterator[str]:
         yield f"# {self.record}, {self.samples} samples at {self.rate_Hz:.6g} Hz"
@@ -26,6 +28,8 @@ class FeaturesResult(Result):
             yield f"{feature.name:<28} {feature.value:>14.6g}  {feature.unit}"
         if self.left_out:
             yield f"left out: {self.left_out}"
+        if self.clipped:
+            yield f"warning: {self.clipped}"
 
 
 def features(file: str, column: str | None = None, rate_Hz: float | None = None, scale: float = 1.0,
@@ -34,6 +38,9 @@ def features(file: str, column: str | None = None, rate_Hz: float | None = None,
     """Parameters of a record of a file, as `analysis.read_record` reads it, resampled first where a rate is given.
     Raises RecordError."""
     record = read_record(file, column=column, rate_Hz=rate_Hz, scale=scale, unit=unit, time=time)
+    # Once resampled, what is clipped is no longer level. A force is 0 for long and not cut off there.
+    ends = [end for end in (record.values.max(), record.values.min()) if end != 0]
+    cut = [why for end in ends if (why := clipped(record.values, end, record.unit))]
     if resample_Hz is None and not anti_alias:
         raise RecordError("--no-filter: goes with --resample")
     if resample_Hz is not None:
@@ -44,4 +51,4 @@ def features(file: str, column: str | None = None, rate_Hz: float | None = None,
         except RecordError as error:
             raise RecordError(f"--resample {resample_Hz:g}: {error}") from None
     found, left_out = features_of(record)
-    return FeaturesResult(record.name, float(record.rate_Hz), record.values.size, found, left_out or None)
+    return FeaturesResult(record.name, float(record.rate_Hz), record.values.size, found, left_out or None, cut[0] if cut else None)

@@ -31,6 +31,7 @@ TIME_COLUMNS = ("t_s", "time_s", "time", "t")
 READ_AS_S = "times without a unit are read in s: a column in ms must be called t [ms]"
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 RAW = ("1", "-", "%", "V", "mV", "mA")  # units of samples that a sensor's calibration is still to come for
+CLIPPED_RUN, CLIPPED_COUNT = 3, 4  # samples at the very largest value, on end and in all
 LEAST_INTERVAL_s = 1e-12  # of which a rate, and its whole number, are far from the ends of what numbers hold
 
 
@@ -254,3 +255,10 @@ def check_rate(name: str, given_Hz: float | None, found_Hz: float, where: str) -
     """RecordError where a rate is given and `where` says another."""
     if given_Hz is not None and not np.isclose(given_Hz, found_Hz, rtol=0.01):
         raise RecordError(f"{name}: rate_Hz = {given_Hz:g}; {where} says {found_Hz:.6g}")
+
+
+def clipped(values: np.ndarray, end: float, unit: str) -> str:
+    """Why samples (n,) are taken to be cut off at their largest or least value, "" if they are not."""
+    runs = np.diff(np.flatnonzero(np.concatenate([[True], values != end, [True]]))) - 1
+    cut = runs.max() >= CLIPPED_RUN or runs.sum() >= CLIPPED_COUNT
+    return f"clipped: {runs.sum()} samples at {end:.4g} {unit}" if cut else ""

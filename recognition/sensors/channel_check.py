@@ -13,6 +13,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import butter, sosfiltfilt
 
+from analysis.signals.records import clipped
 from common.result import Result
 from recognition.estimation.arrays import Floats
 from recognition.estimation.errors import RecognitionError
@@ -23,7 +24,6 @@ from recognition.sensors.free_ringing import Ringing, ringing_of
 ONSET_SHARE = 0.2  # of the largest sample
 LATEST_IMPACT = 3  # sample of a record that begins with the impact; at 6667 Hz simulated ones show it in the next
 LEAST_HUM = 0.01  # of the peak: less is not told
-CLIPPED_RUN, CLIPPED_COUNT = 3, 4  # samples at the very largest value, on end and in all
 DEAD_SHARE = 0.02  # of the median of the other channels' rms
 AFTER_s, STRETCH_s = (2.5e-3, 5e-3, 8e-3), 10e-3  # beginnings after the onset, and length, of free motion
 #: A further blow is so many times as large as what was RISES_s to AHEAD_s before. So many are looked at.
@@ -106,14 +106,7 @@ def _dead_or_clipped(signals: Floats, i: int) -> str:
     rms = x.std()
     if rms == 0 or len(others) and rms < DEAD_SHARE * np.median(others.std(axis=1)):
         return "dead: it hardly moves"
-    return clipped(x, x.max()) or clipped(x, x.min())
-
-
-def clipped(x: Floats, end: float, unit: str = "m/s^2") -> str:
-    """Why samples x (n,) are taken to be cut off at their largest or least value, "" if they are not."""
-    runs = np.diff(np.flatnonzero(np.concatenate([[True], x != end, [True]]))) - 1
-    cut = runs.max() >= CLIPPED_RUN or runs.sum() >= CLIPPED_COUNT
-    return f"clipped: {runs.sum()} samples at {end:.4g} {unit}" if cut else ""
+    return clipped(x, x.max(), "m/s^2") or clipped(x, x.min(), "m/s^2")
 
 
 def _onset(signals: Floats) -> int:

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field
 from scipy.optimize import linear_sum_assignment
 
+from analysis.signals.records import clipped
 from common.files.output_directory import is_sealed_as, refuse_file
 from common.files.whole import written_whole
 from common.input_error import optional_library
@@ -22,7 +23,7 @@ from recognition.estimation.arrays import Booleans, Floats
 from recognition.estimation.errors import NotRecognised, RecognitionError
 from recognition.plate.plate_model import FORMAT, PlateModel
 from recognition.plate.records import numbers, read_accelerations
-from recognition.sensors.channel_check import LEAST_HUM, channel_faults, clipped, without_hum
+from recognition.sensors.channel_check import LEAST_HUM, channel_faults, without_hum
 from recognition.tapping.fit import BEYOND, IDENTIFIED, Fit, Fitted, Prior, fit_plate
 from recognition.tapping.structure import Parameters, Structure
 from recognition.tapping.taps import BAND, Tap
