@@ -51,4 +51,4 @@ def features(file: str, column: str | None = None, rate_Hz: float | None = None,
         except RecordError as error:
             raise RecordError(f"--resample {resample_Hz:g}: {error}") from None
     found, left_out = features_of(record)
-    return FeaturesResult(record.name, float(record.rate_Hz), record.values.size, found, left_out or None, cut[0] if cut else None)
+    return FeaturesResult(record.name, float(record.rate_Hz), record.values.size, found, left_out or None, *cut[:1])

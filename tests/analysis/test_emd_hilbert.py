@@ -201,8 +201,8 @@ def test_features_leave_out_imfs_that_hold_much_more_energy_than_the_record(tmp_
     assert "rms" in found["features"] and not any("imf" in name or "spectrum" in name for name in found["features"])
 
 
-@pytest.mark.parametrize(("cut", "told"), [(lambda x: x.clip(-0.4), "clipped: 12 samples at -0.4 m/s^2"), (lambda x: x, None),
-                                           (lambda x: x.clip(0), None)])
+@pytest.mark.parametrize(("cut", "told"), [
+    (lambda x: x.clip(-0.4), "clipped: 12 samples at -0.4 m/s^2"), (lambda x: x, None), (lambda x: x.clip(0), None)])
 def test_features_tell_a_record_that_is_cut_off(tmp_path, capsys, cut, told):
     """A force is never below 0, where it stays for long, and that is no fault."""
     x = np.exp(-np.arange(300) / 60) * np.sin(0.2 * np.arange(300) + 0.3)
