@@ -68,8 +68,9 @@ class Kind:
 KINDS = {
     "clones": Kind(6),
     "natural": Kind(3, {"scatter": SCATTER, "stones.drawn.size_m": [0.042, 0.058]}, (0.021, 0.029), own_law=True),
+    # A corner is sharper than a sphere of the stone's size, and a face is wider.
     "blocks": Kind(3, {"shapes": SHAPES, "stones.agglomerate.contact": "faces",
-                       "stones.drawn.rate_1_s": 40.0}),
+                       "stones.drawn.rate_1_s": 40.0}, (0.01, 0.06), (1.0, 6.0)),
     "caving": Kind(2, {"plate.max_frequency_Hz": HIGHEST_Hz, "stones.drawn.arrival_s": [SILENCE_S, 2.0]}, (0.03, 0.075),
                    (2.7, 3.9), "caving.toml", known=False),
     **{name: Kind(radius_m=radius_m, speed_m_s=(1.8, 4.0), scene="stream.toml", family=name, own_law=True)
