@@ -53,30 +53,47 @@ double spin_speed(Outline &a) { return a.spheres().size() == 1 ? 0 : a.spin * a.
 
 double surface_speed(const Outline &a) { return a.spin * norm(a.own_surface.x); }
 
-// Time until a direction can be within an angle of straight down.
-double time_to_turn(const Vec &direction, double within_rad, double spin) {
-  const double angle = std::acos(std::clamp(-direction.z / norm(direction), -1.0, 1.0)) - within_rad;
+// Time until what is at an angle of this cosine can be within another angle, if it turns with `spin`.
+double time_to_turn(double cosine, double within_rad, double spin) {
+  const double angle = std::acos(std::clamp(cosine, -1.0, 1.0)) - within_rad;
   if (angle <= 0) return 0;
   return spin > 0 ? angle / spin : NEVER_s;
 }
 
-// Time until a sub-sphere can be in the patch beneath the smooth surface. Its place may be off by what the stone has
-// deformed.
-double time_into_patch(const Sphere &s, const Shell &surface, double spin) {
+const Vec DOWN(0, 0, -1);
+
+// Time until a sub-sphere can be in the patch of the smooth surface about an axis, if the two turn with `spin`. Its place
+// may be off by what the stone has deformed.
+double time_into_patch(const Sphere &s, const Shell &surface, const Vec &axis, double spin) {
   const Vec arm = s.x - surface.x;
   const double wide = surface.patch + surface.outer - surface.inner, far = norm(arm);
-  return wide < far ? time_to_turn(arm, std::asin(wide / far), spin) : 0;
+  return wide < far ? time_to_turn(dot(arm, axis) / far, std::asin(wide / far), spin) : 0;
+}
+
+// The same for any of its sub-spheres.
+double time_to_patch(Outline &body, const Shell &surface, const Vec &axis, double spin) {
+  double first = NEVER_s;
+  for (const Sphere &s : body.spheres()) {
+    if (first == 0) break;
+    first = std::min(first, time_into_patch(s, surface, axis, spin));
+  }
+  return first;
 }
 
 // Time until sub-spheres, or smooth surfaces of two stones, can touch when the centres approach with `speed`. Surfaces
-// begin to touch from outside: those that reach far into each other, as of fragments, must come apart first.
+// begin to touch from outside: those that reach far into each other, as of fragments, must come apart first. And both
+// need a patch about the line of their centres, which turns with `turning` at most until these are half as far apart.
 double time_to_close(Outline &a, Outline &b, double speed) {
   const double time = gap(a, b) / (speed + spin_speed(a) + spin_speed(b));
   if (a.agglomerate == b.agglomerate || std::min(a.own_surface.outer, b.own_surface.outer) == 0) return time;
   const Shell p = a.surface(), q = b.surface();
-  const double apart = norm(p.x - q.x);
-  const double between = std::max({0.0, apart - p.outer - q.outer, p.inner + q.inner - apart});
-  return std::min(time, between / (speed + surface_speed(a) + surface_speed(b)));
+  const double apart = norm(p.x - q.x), closing = speed + surface_speed(a) + surface_speed(b);
+  const double between = std::max({0.0, apart - p.outer - q.outer, p.inner + q.inner - apart}) / closing;
+  if (between >= time || apart == 0) return std::min(time, between);
+  const Vec line = (1 / apart) * (q.x - p.x);
+  const double turning = 2 * closing / apart;
+  const double patches = std::max(time_to_patch(a, p, line, a.spin + turning), time_to_patch(b, q, -1 * line, b.spin + turning));
+  return std::min(time, std::max(between, std::min(patches, 1 / turning)));
 }
 
 // As long as it is still each of its faces is looked at.
@@ -85,7 +102,7 @@ double time_to_touch_with_face(Outline &body, const PlateOutline &plate, double 
   if (!body.is_still) return first;
   for (const Face &face : body.faces()) {
     const double fall = time_to_fall(face.x.z - face.height - plate.reach, rise, gravity);
-    if (fall < first) first = std::min(first, std::max(fall, time_to_turn(face.normal, face.within_rad, body.spin)));
+    if (fall < first) first = std::min(first, std::max(fall, time_to_turn(dot(face.normal, DOWN), face.within_rad, body.spin)));
   }
   return first;
 }
@@ -122,7 +139,7 @@ double time_to_plate(Outline &body, const PlateOutline &plate, const Vec &weight
       double patch = NEVER_s;
       for (const Sphere &s : body.spheres()) {
         const double low = time_to_fall(s.x.z - s.radius - plate.reach - plate.patch_height, rise, gravity);
-        if (low < patch) patch = std::min(patch, std::max(low, time_into_patch(s, surface, body.spin)));
+        if (low < patch) patch = std::min(patch, std::max(low, time_into_patch(s, surface, DOWN, body.spin)));
       }
       const double foot = time_to_fall(surface.x.z - surface.outer - plate.reach, v.z - surface_speed(body), gravity);
       fine = std::min(fine, std::max(foot, patch));
