@@ -83,8 +83,8 @@ namespace {
 bool is_near(ArrayBody &fragment, ArrayBody &host) {
   if (norm(fragment.center - host.center) > host.radius + 2 * fragment.radius) return false;
   const double limit = FRAGMENT_GAP * fragment.spheres()[0].radius;
-  bool near = gap(fragment, host) < limit;
-  for (ArrayBody *other : host.trapped) near = near || gap(fragment, *other) < limit;
+  bool near = gap(fragment, host, limit) < limit;
+  for (ArrayBody *other : host.trapped) near = near || gap(fragment, *other, limit) < limit;
   return near;
 }
 }  // namespace

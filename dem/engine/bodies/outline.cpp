@@ -9,7 +9,7 @@ namespace LAMMPS_NS {
 namespace {
 
 const double NEVER_s = std::numeric_limits<double>::infinity();
-const double LONG_s = 2e-3;  // a time of the bounding spheres from this on is long enough as it is
+const double LONG_s = 2e-3;  // a time from this on is long enough as it is
 
 // Time until a point at height z >= 0 that rises with v under gravity g is at 0.
 double time_to_fall(double z, double v, double g) {
@@ -84,7 +84,9 @@ double time_to_patch(Outline &body, const Shell &surface, const Vec &axis, doubl
 // begin to touch from outside: those that reach far into each other, as of fragments, must come apart first. And both
 // need a patch about the line of their centres, which turns with `turning` at most until these are half as far apart.
 double time_to_close(Outline &a, Outline &b, double speed) {
-  const double time = gap(a, b) / (speed + spin_speed(a) + spin_speed(b));
+  const double fastest = speed + spin_speed(a) + spin_speed(b);
+  if (fastest == 0) return NEVER_s;
+  const double time = gap(a, b, LONG_s * fastest) / fastest;
   if (a.agglomerate == b.agglomerate || std::min(a.own_surface.outer, b.own_surface.outer) == 0) return time;
   const Shell p = a.surface(), q = b.surface();
   const double apart = norm(p.x - q.x), closing = speed + surface_speed(a) + surface_speed(b);
@@ -109,11 +111,15 @@ double time_to_touch_with_face(Outline &body, const PlateOutline &plate, double 
 
 }  // namespace
 
-double gap(Outline &a, Outline &b) {
-  double least = NEVER_s;
+double gap(Outline &a, Outline &b, double most) {
+  double least = most;
   for (const Sphere &p : a.spheres()) {
-    if (norm(p.x - b.center) - p.radius - b.radius >= least) continue;
-    for (const Sphere &q : b.spheres()) least = std::min(least, norm(p.x - q.x) - p.radius - q.radius);
+    if (norm(p.x - b.center) - p.radius - b.parts_radius >= least) continue;
+    for (const Sphere &q : b.spheres()) {
+      const Vec apart = p.x - q.x;
+      const double radii = p.radius + q.radius, nearer = least + radii;
+      if (dot(apart, apart) < nearer * nearer) least = norm(apart) - radii;
+    }
   }
   return std::max(0.0, least);
 }

@@ -80,7 +80,7 @@ struct WallOutline {
   Vec low, high;
 };
 
-double gap(Outline &, Outline &);  // between sub-spheres, never negative
+double gap(Outline &, Outline &, double most);  // between sub-spheres, never negative, and `most` where it is more
 
 // Time during which nothing can touch, s. It is a lower bound and never negative. A body is taken to be a sphere as
 // long as that is enough; then each sub-sphere is looked at, which may be anywhere that the spin could bring it.
