@@ -3,9 +3,11 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from analysis.files.readers import read_record
 from analysis.signals.features import Feature, features_of
-from analysis.signals.records import RecordError, clipped
+from analysis.signals.records import Record, RecordError, clipped
 from common.result import Result
 
 
@@ -38,9 +40,7 @@ def features(file: str, column: str | None = None, rate_Hz: float | None = None,
     """Parameters of a record of a file, as `analysis.read_record` reads it, resampled first where a rate is given.
     Raises RecordError."""
     record = read_record(file, column=column, rate_Hz=rate_Hz, scale=scale, unit=unit, time=time)
-    # Once resampled, what is clipped is no longer level. A force is 0 for long and not cut off there.
-    ends = [end for end in (record.values.max(), record.values.min()) if end != 0]
-    cut = [why for end in ends if (why := clipped(record.values, end, record.unit))]
+    cut = _cut_off(record)  # once resampled, what is clipped is no longer level
     if resample_Hz is None and not anti_alias:
         raise RecordError("--no-filter: goes with --resample")
     if resample_Hz is not None:
@@ -51,4 +51,17 @@ def features(file: str, column: str | None = None, rate_Hz: float | None = None,
         except RecordError as error:
             raise RecordError(f"--resample {resample_Hz:g}: {error}") from None
     found, left_out = features_of(record)
-    return FeaturesResult(record.name, float(record.rate_Hz), record.values.size, found, left_out or None, *cut[:1])
+    return FeaturesResult(record.name, float(record.rate_Hz), record.values.size, found, left_out or None, cut)
+
+
+def _cut_off(record: Record) -> str | None:
+    """Why a record is taken to be cut off at an end. A force is 0 for long and not cut off there, and a digitised
+    sine has at its ends 2.4 times the samples of the next level."""
+    levels, counts = np.unique(record.values, return_counts=True)
+    if len(levels) == 1:
+        return None
+    for last, inward in ((-1, -2), (0, 1)):
+        stays = levels[last] != 0 and counts[last] > 3 * counts[inward]
+        if stays and (why := clipped(record.values, levels[last], record.unit)):
+            return why
+    return None

@@ -202,9 +202,11 @@ def test_features_leave_out_imfs_that_hold_much_more_energy_than_the_record(tmp_
 
 
 @pytest.mark.parametrize(("cut", "told"), [
-    (lambda x: x.clip(-0.4), "clipped: 12 samples at -0.4 m/s^2"), (lambda x: x, None), (lambda x: x.clip(0), None)])
+    (lambda x: x.clip(-0.4), "clipped: 12 samples at -0.4 m/s^2"), (lambda x: x, None), (lambda x: x.clip(0), None),
+    (lambda x: np.sin(np.pi / 10 * np.arange(300)).round(9), None),
+    (lambda x: (127 * np.sin(0.01 * np.arange(3000))).round(), None)])
 def test_features_tell_a_record_that_is_cut_off(tmp_path, capsys, cut, told):
-    """A force is never below 0, where it stays for long, and that is no fault."""
+    """A force is never below 0, where it stays for long, and that is no fault; nor is a sine, digitised or not."""
     x = np.exp(-np.arange(300) / 60) * np.sin(0.2 * np.arange(300) + 0.3)
     np.savetxt(tmp_path / "x.csv", cut(x), header="acc_m_s2", comments="")
     assert main(["features", str(tmp_path / "x.csv"), "--rate", "1000", "--resample", "900", "--json"]) == 0
