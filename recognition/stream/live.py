@@ -208,7 +208,7 @@ class Live:
         self.none += (judged.none >= 0.5).tolist()
         chosen = np.flatnonzero(judged.none < 0.5)
         table = rows_of([heard[k] for k in chosen.tolist()], judged.told.only(chosen), judged.by.law, self.prior,
-                        judged.by_law[chosen], RATE_Hz)
+                        judged.by_law[chosen], np.array(self.none), RATE_Hz)
         if len(table):
             self.stones.append(table)
         self.count += len(table)

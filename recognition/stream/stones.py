@@ -19,10 +19,9 @@ AT_ONCE, DRAWS, SHARES = 16, 1000, 200  # stones; of the ratio; nodes of the sha
 LEVELS = (0.05, 0.5, 0.95)
 #: Two stones within this time are heard as one (docs/listening.md); the largest share that is ever missed so.
 DEAD_S, MOST_MISSED = 0.2e-3, 0.5
-AGAIN = 0.4  # of the stones that come down slower have touched before; the others struck another in the air
-#: By the stones that come down slower: others that also met one and are too weak to be heard, or heard as none; in
-#: streams of the engine 0.31 and 0.38, of eleven and of nine.
-LOST = 0.3
+AGAIN = 0.5  # of the stones that come down slower have touched before, in any stream; others struck one in the air
+#: Missed stones: of touches that are none by the law, and, by those that come down slower, of others too weak to hear.
+UNLIKE, LOST = 0.5, 0.07
 AGAIN_SAMPLES, AGAIN_M = 20, 0.05  # within which a weaker touch is of the same stone
 
 
@@ -73,7 +72,8 @@ def learnt_table(heard: Sequence[Heard], hearing: StonePrior, prior: StonePrior,
     by_law, none = law.probabilities(told, least_doubt)
     unknown = told.known == UNKNOWN
     chosen = np.flatnonzero(unknown & (none < 0.5))
-    table = rows_of([every[k] for k in chosen], told.only(chosen), law, prior, by_law[chosen], rate_Hz)
+    table = rows_of([every[k] for k in chosen], told.only(chosen), law, prior, by_law[chosen],
+                    none[unknown] >= 0.5, rate_Hz)
     count = len(heard) - known.coal_first
     checks = {"none": 1 - len(chosen) / count if count > 0 else 0.0, "beyond": law.beyond,
               "misplaced": law.misplaced(told) / max(np.sum(~unknown), 1)}
@@ -105,13 +105,13 @@ def first_touches(heard: Sequence[Heard], before: Sequence[Heard] = ()) -> list[
 
 COLUMNS = ["t_s", "t_sd_s", "x_m", "y_m", "place_sd_m", "gangue", "impulse_N_s", "duration_s", "radius_m",
            "radius_sd_m", "speed_m_s", "speed_sd_m_s", "mass_coal_kg", "mass_gangue_kg", "mass_coal_sd_kg",
-           "mass_gangue_sd_kg", "again", "misfit"]
+           "mass_gangue_sd_kg", "again", "misfit", "unlike"]
 BY_LAW = "gangue_by_law_"  # of the columns after these, one for each law
 
 
 def rows_of(heard: Sequence[Heard], told: Told, law: LearntLaw, prior: StonePrior, by_law: Floats,
-            rate_Hz: float) -> pd.DataFrame:
-    """A row of COLUMNS for each stone, and by_law (n, laws)."""
+            none: NDArray[np.bool_], rate_Hz: float) -> pd.DataFrame:
+    """A row of COLUMNS for each stone, and by_law (n, laws). none: which touches about then are none by the law."""
     gangue = by_law.mean(axis=1)
     radius, speed = np.exp(np.log(prior.grid).mean(axis=0))
     stone, covariance = np.array([h.stone for h in heard]), np.array([h.covariance for h in heard])
@@ -128,7 +128,8 @@ def rows_of(heard: Sequence[Heard], told: Told, law: LearntLaw, prior: StonePrio
         stone[:, TIME] / rate_Hz - prior.forces.start[likely] * duration, np.sqrt(covariance[:, TIME, TIME]) / rate_Hz,
         stone[:, X], stone[:, Y], np.sqrt((covariance[:, X, X] + covariance[:, Y, Y]) / 2), gangue,
         np.exp(stone[:, IMPULSE]), duration, r, r * np.sqrt(cov[:, 0, 0]), v, v * np.sqrt(cov[:, 1, 1]), *mass,
-        *mass_sd, AGAIN * law.slowed(told), np.array([h.misfit for h in heard]))
+        *mass_sd, AGAIN * law.slowed(told), np.array([h.misfit for h in heard]),
+        np.full(len(heard), none.sum() / max(np.sum(~none), 1)))
     names = [*COLUMNS, *(f"{BY_LAW}{k}" for k in range(by_law.shape[1]))]
     return pd.DataFrame(np.column_stack([*columns, by_law]), columns=names)
 
@@ -199,9 +200,9 @@ def _with_missed(weight: Floats, chosen: NDArray[np.bool_], missed: NDArray[np.i
 
 def missed_of(stones: pd.DataFrame) -> float:
     """How many stones are missed: one of two that arrive almost at once, by the rate of those that were heard one by
-    one, and some that met others, by those that came down slower."""
-    slower = float(np.sum(stones.get("again", 0.0))) / AGAIN
-    return len(stones) * min(DEAD_S * rate_of(stones["t_s"].to_numpy()), MOST_MISSED) + LOST * slower
+    one, some that met others, by those that came down slower, and some of the touches that are none by the law."""
+    together = len(stones) * min(DEAD_S * rate_of(stones["t_s"].to_numpy()), MOST_MISSED)
+    return together + float(np.sum(LOST / AGAIN * stones.get("again", 0.0) + UNLIKE * stones.get("unlike", 0.0)))
 
 
 def rate_of(t_s: Floats) -> float:
@@ -214,7 +215,6 @@ def sliding_ratio(stones: pd.DataFrame, window_s: float, step_s: float, end_s: f
     rows: list[list[float]] = []
     for t_s in np.arange(step_s, end_s + step_s / 2, step_s):
         inside = stones[(stones["t_s"] > t_s - window_s) & (stones["t_s"] <= t_s)]
-        by_number, by_mass = ratios_of(inside)
-        rows.append([t_s, len(inside), *by_number, *by_mass])
+        rows.append([t_s, len(inside), *np.ravel(ratios_of(inside))])
     names = ["t_s", "stones", "low", "ratio", "high", "mass_low", "mass_ratio", "mass_high"]
     return pd.DataFrame(np.reshape(rows, (-1, len(names))), columns=names).astype({"stones": int})  # numbers, if no row

@@ -310,7 +310,9 @@ def test_stones_in_a_table(prior, twenty):
     elsewhere = replace_place(again, 0.1)
     assert len(first_touches([*heard[:4], again])) == 4 and len(first_touches([*heard[:4], elsewhere])) == 5
     table, checks, _ = learnt_table([*heard, again], prior, prior, Known(10), 20e3, 0.005)
-    assert len(table) == 10 and (table["gangue"] > 0.5).all()
+    assert len(table) == 10 and (table["gangue"] > 0.5).all() and (table["unlike"] == 0).all()
+    strange = SimpleNamespace(**vars(heard[15]) | {"stone": heard[15].stone - 6 * np.eye(6)[IMPULSE] + 30 * np.eye(6)[TIME]})
+    assert learnt_table([*heard, strange], prior, prior, Known(10), 20e3, 0.005)[0]["unlike"].tolist() == [0.1] * 10
     assert checks["misplaced"] == 0 and checks["none"] == pytest.approx(1 / 11)
     sphere = 4 / 3 * np.pi * 0.025**3
     assert table["mass_coal_kg"].median() < table["mass_gangue_kg"].median()
