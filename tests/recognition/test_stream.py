@@ -124,8 +124,8 @@ def test_share_of_stones_that_arrive_at_once():
 
 
 def test_missed_stones_widen_the_interval():
-    """The same stones a thousand times as fast: of two one arrives with another, and the interval says so. Of those that
-    are missed the odds of gangue are 0.3 times as large, 9.5 of 20; here gangue weighs twice as much."""
+    """The same stones a thousand times as fast: of two one arrives with another, and the interval says so. Of those
+    that are missed the odds of gangue are 0.3 times as large, 9.5 of 20; here gangue weighs twice as much."""
     stones = pd.DataFrame({"t_s": 0.1 * np.arange(40), "gangue": np.repeat([0.0, 1.0], [10, 30]), "mass_coal_kg": 1.0,
                            "mass_gangue_kg": 2.0, "mass_coal_sd_kg": 1e-9, "mass_gangue_sd_kg": 1e-9})
     for by_mass, ratio, missed in ((False, 0.75, 39.5 / 60), (True, 6 / 7, 79 / 99.5)):
@@ -138,7 +138,8 @@ def test_missed_stones_widen_the_interval():
 @pytest.mark.slow
 def test_interval_where_the_weaker_of_two_is_lost(monkeypatch):
     """Two hundred stones, 400 a second, of sure material: of two within 0.2 ms the weaker is lost, and coal pushes 0.6
-    times as hard, of radii that scatter by 10 %. The interval holds the ratio of all, that of missed stones alike does not."""
+    times as hard, of radii that scatter by 10 %. The interval holds the ratio of all; with missed stones alike it does
+    not."""
     rng = np.random.default_rng(11)
     inside, off = {0.3: [], 1.0: []}, {0.3: [], 1.0: []}
     for _ in range(200):
