@@ -7,9 +7,8 @@
 namespace LAMMPS_NS {
 
 namespace {
-// A fragment is trapped when it has less than this share of the mass of a body and is nearer to it than this share of
-// its own radius.
-const double FRAGMENT_MASS = 0.05, FRAGMENT_GAP = 0.1;
+const size_t LEAST_HOST = 20;     // sub-spheres of a body that has cracks
+const double FRAGMENT_GAP = 0.1;  // a fragment is trapped when it is nearer than this share of its sub-sphere's radius
 }  // namespace
 
 double ArrayBody::own_inertia(int i) const { return 0.4 * atom_->rmass[i] * atom_->radius[i] * atom_->radius[i]; }
@@ -90,16 +89,20 @@ bool is_near(ArrayBody &fragment, ArrayBody &host) {
 }  // namespace
 
 void find_trapped(std::vector<ArrayBody> &bodies, const Agglomerates &agglomerates) {
-  for (ArrayBody &host : bodies) {
-    if (host.atoms.size() < 1 / FRAGMENT_MASS) continue;
+  std::vector<ArrayBody *> heaviest_first;
+  for (ArrayBody &b : bodies) heaviest_first.push_back(&b);
+  auto is_heavier = [](const ArrayBody *a, const ArrayBody *b) { return a->mass > b->mass; };
+  std::stable_sort(heaviest_first.begin(), heaviest_first.end(), is_heavier);
+  for (auto host = heaviest_first.begin(); host != heaviest_first.end(); ++host) {
+    if ((*host)->is_trapped || (*host)->atoms.size() < LEAST_HOST) continue;
     for (bool found = true; found;) {  // what is trapped may trap more
       found = false;
-      for (ArrayBody &fragment : bodies) {
-        if (fragment.is_trapped || fragment.mass > FRAGMENT_MASS * host.mass) continue;
-        if (agglomerates.of_tag(fragment.label) != agglomerates.of_tag(host.label)) continue;
-        if (!is_near(fragment, host)) continue;
+      for (auto lighter = host + 1; lighter != heaviest_first.end(); ++lighter) {
+        ArrayBody &fragment = **lighter;
+        if (fragment.is_trapped || agglomerates.of_tag(fragment.label) != agglomerates.of_tag((*host)->label)) continue;
+        if (!is_near(fragment, **host)) continue;
         fragment.is_trapped = found = true;
-        host.trapped.push_back(&fragment);
+        (*host)->trapped.push_back(&fragment);
       }
     }
   }
