@@ -27,7 +27,7 @@ import numpy as np
 
 from dem.coupling.launch import engine_error, engine_running
 from dem.deck.render import template
-from dem.deck.time_step import bond_fraction
+from dem.deck.time_step import BOND_FRACTION
 from dem.stones.assembly import CONTACT_RADIUS_RATIO
 from dem.stones.bonds import PLATEN_GAP, Bonds, bond_network
 from dem.stones.packing import CylinderContainer, Packing, pack
@@ -179,8 +179,7 @@ def run_test(directory: Path, specimen: Specimen, rock: Rock, strain: float, che
     bond_time = _bond_time_s(specimen, rock, mass)
     height = 2 * specimen.half_size_m
     time = TRANSITS * height * np.sqrt(rock.density_kg_m3 / rock.bond_modulus_Pa)
-    step = bond_fraction(rock.damping_ratio, rock.stiffness_ratio) * bond_time
-    check_steps = AVERAGE_STEPS * int(np.ceil(time / (20 * AVERAGE_STEPS * step)))
+    check_steps = AVERAGE_STEPS * int(np.ceil(time / (20 * AVERAGE_STEPS * BOND_FRACTION * bond_time)))
     dt = time / (20 * check_steps)
     speed = (-0.5 if specimen.is_pulled else 0.5) * strain * height / time  # of each platen
     _write(directory, specimen, mass, specimen.strength_factors(rock))

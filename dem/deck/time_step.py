@@ -16,7 +16,8 @@ from dem.deck.contact import damping_ratio, elastic_damping_ratio, stiffest_face
 from dem.stones.assembly import Assembly
 from dem.stones.stone import Body, Stone, body_of, impact_speed_m_s, substances_of
 
-DAMPED_SHARE = 0.8       # of the largest stable step of damped bonds, see `bond_fraction`
+BOND_FRACTION = 0.36     # of t0 = min sqrt(m r0/(E A)), if `bond_fraction` allows it
+DAMPED_SHARE = 0.8       # of the limit of damped bonds, see `bond_fraction`
 RAYLEIGH_FRACTION = 0.2  # of the Rayleigh time of the smallest sub-sphere, the usual share in DEM
 CONTACT_STEPS = 400      # steps in the shortest contact with the plate: peak force and contact time to 1e-4
 CO_STEPS_IN_CONTACT = 45           # of a whole stone with the plate
@@ -227,10 +228,10 @@ def undamped_limit(stiffness_ratio: float) -> float:
 
 
 def bond_fraction(damping_ratio: float, stiffness_ratio: float) -> float:
-    """The step over t0 = min sqrt(m r0/(E A)). Leapfrog with the damping force at the velocity half a step back is
-    stable while (w dt)^2 + 2 w^2 tau dt < 4; here tau = 2 zeta t0 and w = 2/(a t0), a the undamped limit, so
+    """The step over t0. Leapfrog with the damping force at the velocity half a step back is stable while
+    (w dt)^2 + 2 w^2 tau dt < 4; here tau = 2 zeta t0 and w = 2/(a t0), a the undamped limit, so
     dt/t0 < sqrt(4 zeta^2 + a^2) - 2 zeta."""
-    return DAMPED_SHARE * _damped_limit(damping_ratio, undamped_limit(stiffness_ratio))
+    return min(BOND_FRACTION, DAMPED_SHARE * _damped_limit(damping_ratio, undamped_limit(stiffness_ratio)))
 
 
 def _damped_limit(damping_ratio: float, undamped: float) -> float:

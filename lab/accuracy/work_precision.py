@@ -27,7 +27,7 @@ from common.scene.file import scene_tables
 from common.scene.plate import FlexiblePlate
 from common.scene.scene import Scene, changed_scene
 from common.tables import InputError
-from dem.deck.time_step import bond_time_s, step_limits, stone_contact_time_s
+from dem.deck.time_step import bond_time_s, stone_contact_time_s
 from dem.run.prepare import prepare
 from dem.run.run import RunError, run_prepared
 from dem.stones.arrangement import stones_of
@@ -96,7 +96,7 @@ def scene_of(changes: dict) -> Scene:
 
 
 # Settings coarser than a scene may ask for.
-FREE = {"CONTACT_STEPS": 1, "DAMPED_SHARE": 9.0, "RAYLEIGH_FRACTION": 9.0, "STIFFNESS_SHARE": 9.0,
+FREE = {"CONTACT_STEPS": 1, "BOND_FRACTION": 9.0, "DAMPED_SHARE": 9.0, "RAYLEIGH_FRACTION": 9.0, "STIFFNESS_SHARE": 9.0,
         "DASHPOT_SHARE": 9.0}
 SPHERES: dict = {"stones.agglomerate": None}
 
@@ -106,16 +106,15 @@ def numerical_settings() -> list[NumericalSetting]:
     assembly = assemble(scene, stones_of(scene, "scene"))
     t0, stone_contact_s = bond_time_s(assembly), stone_contact_time_s(assembly)
     assert t0 is not None and isinstance(scene.plate, FlexiblePlate)
-    default_s = step_limits(scene, assembly, "scene").limits_s["bond"]
-    return [*step_settings(t0, default_s, stone_contact_s),
-            *plate_settings(stone_contact_s, default_mesh_size(scene.plate)), *other_settings()]
+    return [*step_settings(t0, stone_contact_s), *plate_settings(stone_contact_s, default_mesh_size(scene.plate)),
+            *other_settings()]
 
 
-def step_settings(t0: float, default_s: float, stone_contact_s: float) -> list[NumericalSetting]:
+def step_settings(t0: float, stone_contact_s: float) -> list[NumericalSetting]:
     """Time step and co-step, of bonded stones and of unbonded spheres."""
     # A sample holds 30 rows of the fast stream, a row whole co-steps: lengths that divide it are met exactly.
     row = SAMPLE_s / dem.deck.time_step.FAST_PER_SAMPLE
-    longest = row / np.ceil(row / (0.45 * t0))
+    longest = row / np.ceil(row / (0.36 * t0))
     fine = longest / 4
 
     def step(k: int) -> Setting:
@@ -130,7 +129,8 @@ def step_settings(t0: float, default_s: float, stone_contact_s: float) -> list[N
 
     unit, default = "of the contact time", 1 / dem.deck.time_step.CO_STEPS_IN_CONTACT
     return [
-        NumericalSetting("time step", "dt/t0", default_s / t0, [step(k) for k in (1, 2, 3, 4, 6, 8)], step(32)),
+        NumericalSetting("time step", "dt/t0", dem.deck.time_step.BOND_FRACTION, [step(k) for k in (1, 2, 3, 4, 6, 8)],
+                         step(32)),
         NumericalSetting("time step, spheres", unit, 1 / dem.deck.time_step.CONTACT_STEPS,
                          [sphere(k) for k in (1, 2, 4, 8)], sphere(32),
              recognised=False),
@@ -289,8 +289,8 @@ def work_precision_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
 # Numerical setting, unit, default, and (value, keys of the scene, constants), the finest first.
 ENSEMBLES: list[tuple[str, str, float, list[tuple[float, dict, dict]]]] = [
     ("sub-spheres", "a stone", 500.0, [(n, {"stones.agglomerate.subspheres": n}, {}) for n in (1000, 500, 200, 100)]),
-    ("time step, breaking", "of the largest stable", dem.deck.time_step.DAMPED_SHARE,
-     [(f, {"stones.agglomerate.subspheres": 200}, {"DAMPED_SHARE": f}) for f in (0.1, 0.4, 0.8)])]
+    ("time step, breaking", "dt/t0", dem.deck.time_step.BOND_FRACTION,
+     [(f, {"stones.agglomerate.subspheres": 200}, {"BOND_FRACTION": f}) for f in (0.06, 0.15, 0.36)])]
 
 
 def ensemble(unit: str, default: float, changes: dict, values: dict) -> dict[str, Any]:
