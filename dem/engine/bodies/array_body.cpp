@@ -88,21 +88,22 @@ bool is_near(ArrayBody &fragment, ArrayBody &host) {
 }
 }  // namespace
 
-void find_trapped(std::vector<ArrayBody> &bodies, const Agglomerates &agglomerates) {
-  std::vector<ArrayBody *> heaviest_first;
-  for (ArrayBody &b : bodies) heaviest_first.push_back(&b);
+void find_trapped(std::vector<ArrayBody> &bodies, const Agglomerates &agglomerates, const MayFlyAlong &may_fly_along) {
+  std::vector<ArrayBody *> hosts;
+  for (ArrayBody &b : bodies)
+    if (b.atoms.size() >= LEAST_HOST) hosts.push_back(&b);
   auto is_heavier = [](const ArrayBody *a, const ArrayBody *b) { return a->mass > b->mass; };
-  std::stable_sort(heaviest_first.begin(), heaviest_first.end(), is_heavier);
-  for (auto host = heaviest_first.begin(); host != heaviest_first.end(); ++host) {
-    if ((*host)->is_trapped || (*host)->atoms.size() < LEAST_HOST) continue;
+  std::stable_sort(hosts.begin(), hosts.end(), is_heavier);
+  for (ArrayBody *host : hosts) {
+    if (host->is_trapped) continue;
     for (bool found = true; found;) {  // what is trapped may trap more
       found = false;
-      for (auto lighter = host + 1; lighter != heaviest_first.end(); ++lighter) {
-        ArrayBody &fragment = **lighter;
-        if (fragment.is_trapped || agglomerates.of_tag(fragment.label) != agglomerates.of_tag((*host)->label)) continue;
-        if (!is_near(fragment, **host)) continue;
+      for (ArrayBody &fragment : bodies) {
+        if (&fragment == host || fragment.is_trapped || !fragment.trapped.empty()) continue;
+        if (agglomerates.of_tag(fragment.label) != agglomerates.of_tag(host->label)) continue;
+        if (fragment.mass > host->mass || !may_fly_along(fragment, *host) || !is_near(fragment, *host)) continue;
         fragment.is_trapped = found = true;
-        (*host)->trapped.push_back(&fragment);
+        host->trapped.push_back(&fragment);
       }
     }
   }

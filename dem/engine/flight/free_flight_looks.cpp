@@ -25,10 +25,10 @@ const int CALM_LOOKS = 3;         // in a row, since an oscillation has instants
 const double STILL_SHARE = 0.01;
 const int LEAST_REST = 4;         // looks ahead: a body that may be touched sooner does not leave
 const double UNFORESEEN_LOOKS = 1.5;  // ahead: a body comes back that may meet one in the arrays sooner
-// A body leaves together with the fragments trapped in it once these are slow relative to it, for so many looks that
-// fragments on their way out are gone. Those lighter than a share of it may rattle with a share of the energy of the
-// impact, all together; a heavier one is slow as a body is calm.
-const double LIGHT_SHARE = 0.05, LIGHT_ENERGY = 1e-3;
+// A body leaves together with the fragments trapped in it: with those lighter than a share of it when their motion
+// relative to it has less than this share of the energy of the impact, all together, for so many looks that fragments on
+// their way out are gone; with a heavier one while it would part so slowly that its own energy is within the tolerance.
+const double LIGHT_SHARE = 0.05, TRAPPED_ENERGY = 1e-3;
 const int TRAPPED_LOOKS = 50;
 const double REACH_MARGIN = 1.1;  // the reach may grow by this before all times are found anew
 const double CLEARANCE_M = 1e-5;
@@ -227,26 +227,22 @@ void FreeFlightLooks::take_out_those_that_left() {
 
 // Is its inner motion, and that of the fragments trapped in it, so small that it may leave?
 bool FreeFlightLooks::is_calm(ArrayBody &b) {
-  const double impact = energy_of_impact(b);
-  double light = 0, heavy = 0;
-  bool slow = true;
-  for (const ArrayBody *fragment : b.trapped) {
-    const double energy = fragment->energy_over(b);
-    const bool is_light = fragment->mass < LIGHT_SHARE * b.mass;
-    (is_light ? light : heavy) += energy;
-    slow &= is_light || energy <= rules_.tolerance * energy_of_impact(*fragment);
-  }
-  slow &= light <= LIGHT_ENERGY * impact;
+  const double impact = 0.5 * rules_.speed * rules_.speed * b.mass;
+  double fragments = 0;
+  for (const ArrayBody *fragment : b.trapped) fragments += fragment->energy_over(b);
   int &looks = calm_[b.label], &still_looks = still_[b.label];
-  still_looks = b.inner_energy + light + heavy <= STILL_SHARE * rules_.tolerance * impact ? still_looks + 1 : 0;
+  still_looks = b.inner_energy + fragments <= STILL_SHARE * rules_.tolerance * impact ? still_looks + 1 : 0;
   b.is_still = b.atoms.size() == 1 || still_looks >= CALM_LOOKS;
-  looks = b.inner_energy <= rules_.tolerance * impact && slow ? looks + 1 : 0;
+  looks = b.inner_energy <= rules_.tolerance * impact && fragments <= TRAPPED_ENERGY * impact ? looks + 1 : 0;
   return b.atoms.size() == 1 || looks >= (b.trapped.empty() ? CALM_LOOKS : TRAPPED_LOOKS);
 }
 
 void FreeFlightLooks::let_calm_bodies_depart(Look &look) {
   const size_t count = look.in_arrays.size();
-  find_trapped(look.in_arrays, agglomerates_);
+  find_trapped(look.in_arrays, agglomerates_, [this](const ArrayBody &fragment, const ArrayBody &host) {
+    return fragment.mass < LIGHT_SHARE * host.mass ||
+           norm(fragment.velocity - host.velocity) <= std::sqrt(rules_.tolerance) * rules_.speed;
+  });
   std::vector<char> leaves(count, 0), is_part(count, 0);  // of another one, with which it may leave
   for (size_t k = 0; k < count; k++) {
     ArrayBody &b = look.in_arrays[k];

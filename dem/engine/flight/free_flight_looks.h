@@ -71,7 +71,6 @@ class FreeFlightLooks : protected Pointers {
   bool is_dust(const FreeBody &) const;
   bool is_clear(FreeBody &) const;
   bool is_pushed(int label) const;
-  double energy_of_impact(const Outline &b) const { return 0.5 * rules_.speed * rules_.speed * b.mass; }
   bool is_calm(ArrayBody &);
   bool is_gentle(const Look &, ArrayBody &, double limit_N);
   void find_surface(ArrayBody &) const;
