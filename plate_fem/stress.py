@@ -73,9 +73,8 @@ class StressPeak:
         """Note the modal amplitudes (k, n) at the times t_s (k,)."""
         t_s, amplitude = np.asarray(t_s), np.asarray(amplitude)
         above = ((self._largest @ np.abs(amplitude).T) ** 2 > self._best[:, :1]).any(axis=1)  # (patches, k)
-        for patch, both, rows in zip(self._patches, self._nodes, above, strict=True):
-            if not rows.any():
-                continue
+        for number in np.flatnonzero(above.any(axis=1)):
+            patch, both, rows = self._patches[number], self._nodes[number], above[number]
             stress = _stress(self._of_modes[patch], np.asarray(amplitude[rows].T, np.float32))
             sx, sy, txy = np.moveaxis(stress, 1, 0)
             squared = sx * (sx - sy) + sy**2 + 3 * txy**2

@@ -96,7 +96,7 @@ UNBREAKABLE_Pa = 1e30
 CHECKPOINT_SAMPLES = 5  # between two steps that allow a checkpoint; each costs a build of lists (docs/runs.md)
 BOX_MARGIN_M = 0.005
 MOST_LEDGER_ROWS = 2_000_000  # of a stone at a time
-FREE_FLIGHT_EVERY = 64  # DEM steps between two looks at what flies freely: one costs as much as a tenth of a step
+FREE_FLIGHT_EVERY = 48  # DEM steps between two looks at what flies freely: one costs as much as a tenth of a step
 
 
 def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep, modes: PlateModes | None) -> str:

@@ -14,7 +14,7 @@ from common.scene.scene import Scene
 from common.scene.stones import SPHERE, Shape
 from common.tables import Refused
 from dem.stones.bonds import Bonds, bond_network
-from dem.stones.contact_patch import FaceColumns, StoneSurface, face_columns, surface_of
+from dem.stones.contact_patch import FaceColumns, StoneSurface, faces_of, surface_of
 from dem.stones.packing import Packing, REFERENCE_RADIUS_m, SphereContainer, packed, scaled_packing
 from dem.stones.solids import MeshContainer, Solid, solid_of
 from dem.stones.stone import UPRIGHT, Entry, Stone, Substance, entry_of, flaw_factors, impact_speed_m_s
@@ -296,7 +296,8 @@ def _packed(subspheres: int, seed: int, cache_dir: Path | None, shape: Shape | N
 
 @lru_cache(maxsize=128)
 def _faces(subspheres: int, seed: int, cache_dir: Path | None, shape: Shape) -> FaceColumns:
-    return face_columns(_packed(subspheres, seed, cache_dir, shape)[0], solid_of(shape, seed), REFERENCE_RADIUS_m)
+    packing, _ = _packed(subspheres, seed, cache_dir, shape)
+    return faces_of(packing, solid_of(shape, seed), REFERENCE_RADIUS_m, cache_dir)
 
 
 def mass_shares(packing: Packing, solid: Solid) -> np.ndarray:

@@ -301,3 +301,10 @@ def surface_of(packing: Packing, bonds: Bonds, bond: BondTable, cache_dir: Path 
                  bond.stiffness_ratio, bond.volumetric_ratio)
     kept = cached(cache_dir, "surface", key, find)
     return StoneSurface(packing.center_m, is_surface(packing), kept["compliance_m_N"])
+
+
+def faces_of(packing: Packing, solid: Solid, size_m: float, cache_dir: Path | None) -> FaceColumns:
+    """As `face_columns`, from the cache in `cache_dir` if they are there."""
+    key = key_of(Path(__file__), packing.center_m.tobytes(), packing.radius_m.tobytes(), solid.corner.tobytes(),
+                 solid.triangle.tobytes(), size_m)
+    return FaceColumns(**cached(cache_dir, "faces", key, lambda: vars(face_columns(packing, solid, size_m))))

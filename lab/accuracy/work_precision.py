@@ -289,8 +289,8 @@ def work_precision_table(rows: pd.DataFrame, out: Path) -> pd.DataFrame:
 # Numerical setting, unit, default, and (value, keys of the scene, constants), the finest first.
 ENSEMBLES: list[tuple[str, str, float, list[tuple[float, dict, dict]]]] = [
     ("sub-spheres", "a stone", 500.0, [(n, {"stones.agglomerate.subspheres": n}, {}) for n in (1000, 500, 200, 100)]),
-    ("time step, breaking", "dt/t0", 0.3, [(f, {"stones.agglomerate.subspheres": 200}, {"BOND_FRACTION": f})
-                                           for f in (0.06, 0.15, 0.3)])]
+    ("time step, breaking", "dt/t0", dem.deck.time_step.BOND_FRACTION,
+     [(f, {"stones.agglomerate.subspheres": 200}, {"BOND_FRACTION": f}) for f in (0.06, 0.15, 0.37)])]
 
 
 def ensemble(unit: str, default: float, changes: dict, values: dict) -> dict[str, Any]:

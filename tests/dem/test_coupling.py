@@ -299,11 +299,12 @@ def test_chips_need_the_plate_seldom(runs, monkeypatch):
     scene = {"stones.agglomerate.subspheres": 200, "time.view_interval_s": None, "time.duration_s": 0.02,
              "stones.speed_m_s": 3.5, "materials.coal.bond.fracture_energy_J_m2": None}  # bonds that snap make chips
     found = []
-    for co_step in (None, 6):
+    for name in ("seldom", "often"):
         received.append([])
-        directory = runs / f"chips_{co_step}"
-        summary = run_scene(changed("single", scene | ({"time.co_step": co_step} if co_step else {})), "chips", directory)
-        assert summary["co_step"] == 6 and summary["n_bonds_broken"] > 50
+        directory = runs / f"chips_{name}"
+        summary = run_scene(changed("single", scene), "chips", directory)
+        scene["time.co_step"] = summary["co_step"]  # one that is told has a message each
+        assert summary["n_bonds_broken"] > 50
         found.append((summary["n_bonds_broken"], pd.read_parquet(directory / "fast.parquet")))
         received[-1] = sum(step * summary["dt_s"] > 1e-3 for step in received[-1])
     assert received[0] < 0.75 * received[1]

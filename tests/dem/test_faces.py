@@ -121,7 +121,7 @@ def test_a_face_that_turns_into_place_in_free_flight_strikes_as_by_brute_force(t
 
 @pytest.mark.slow
 def test_a_body_comes_back_before_the_co_step_in_which_it_touches(tmp_path, cube_file, monkeypatch):
-    """In whichever of the nine co-steps between two looks that is: else the plate has not been asked where it is."""
+    """In whichever of the seven co-steps between two looks that is: else the plate has not been asked where it is."""
     plate = read_scene(SCENES / "caving.toml").plate.model_dump(mode="json", exclude_none=True)
     turn = Rotation.from_euler("xy", [0.4, 0.3])
     monkeypatch.setattr("dem.deck.time_step.FAST_Hz", 1e5)  # rows of 7 us
@@ -129,6 +129,7 @@ def test_a_body_comes_back_before_the_co_step_in_which_it_touches(tmp_path, cube
     for steps in range(0, 64, 7):
         scene = cube(cube_file, 60, turn, speed_m_s=5.0, **{
             "stones.gap_m": 0.003 + 5e-6 * steps, "plate": plate | {"tilt_deg": 0.0}, "time.co_step": 7,
+            "time.time_step_s": 1e-6,
             "time.free_flight_tolerance": 1e-4, "time.sample_interval_s": 2.1e-4, "time.duration_s": 1.05e-3})
         found = run_scene(scene, "scene", tmp_path / str(steps))
         assert found["dt_s"] == pytest.approx(1e-6) and found["co_step"] == 7

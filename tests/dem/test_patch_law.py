@@ -51,7 +51,8 @@ def run_spinning(deck, surface, spin, every, along_m_s=0.0):
     `every` so many steps."""
     text = (deck / "deck.liggghts").read_text()
     start = "velocity        all set 0 0 -3.0 units box\n"
-    assert start in text and "every 180" in text
+    (contacts,) = set(re.findall(r"contacts.bin every \d+", text))
+    assert start in text
     middle = surface.mass @ surface.place / surface.mass.sum()
     velocity = np.array([along_m_s, 0, -3.0]) + np.cross(spin, surface.place - middle)
     energy = 0.5 * surface.mass @ ((velocity**2).sum(axis=1) + 0.4 * surface.radius**2 * np.dot(spin, spin))
@@ -60,7 +61,7 @@ def run_spinning(deck, surface, spin, every, along_m_s=0.0):
         for k, v in enumerate(velocity.tolist()))
     dump = f'dump view all custom {every} view.dump id {DUMPED}\ndump_modify view format "%d{DUMP_NUMBERS}"\n'
     text = re.sub(r"impact_J \S+", f"impact_J {float(energy)!r}", text).replace(start, turning + dump)
-    run_engine(deck, text.replace("every 180", f"every {every}"))
+    run_engine(deck, text.replace(contacts, f"contacts.bin every {every}"))
 
 
 def contacts_of(deck):

@@ -7,9 +7,8 @@
 namespace LAMMPS_NS {
 
 namespace {
-// A fragment is trapped when it has less than this share of the mass of a body and is nearer to it than this share of
-// its own radius.
-const double FRAGMENT_MASS = 0.05, FRAGMENT_GAP = 0.1;
+const size_t LEAST_HOST = 20;     // sub-spheres of a body that has cracks
+const double FRAGMENT_GAP = 0.1;  // a fragment is trapped when it is nearer than this share of its sub-sphere's radius
 }  // namespace
 
 double ArrayBody::own_inertia(int i) const { return 0.4 * atom_->rmass[i] * atom_->radius[i] * atom_->radius[i]; }
@@ -89,17 +88,22 @@ bool is_near(ArrayBody &fragment, ArrayBody &host) {
 }
 }  // namespace
 
-void find_trapped(std::vector<ArrayBody> &bodies, const Agglomerates &agglomerates) {
-  for (ArrayBody &host : bodies) {
-    if (host.atoms.size() < 1 / FRAGMENT_MASS) continue;
+void find_trapped(std::vector<ArrayBody> &bodies, const Agglomerates &agglomerates, const MayFlyAlong &may_fly_along) {
+  std::vector<ArrayBody *> hosts;
+  for (ArrayBody &b : bodies)
+    if (b.atoms.size() >= LEAST_HOST) hosts.push_back(&b);
+  auto is_heavier = [](const ArrayBody *a, const ArrayBody *b) { return a->mass > b->mass; };
+  std::stable_sort(hosts.begin(), hosts.end(), is_heavier);
+  for (ArrayBody *host : hosts) {
+    if (host->is_trapped) continue;
     for (bool found = true; found;) {  // what is trapped may trap more
       found = false;
       for (ArrayBody &fragment : bodies) {
-        if (fragment.is_trapped || fragment.mass > FRAGMENT_MASS * host.mass) continue;
-        if (agglomerates.of_tag(fragment.label) != agglomerates.of_tag(host.label)) continue;
-        if (!is_near(fragment, host)) continue;
+        if (&fragment == host || fragment.is_trapped || !fragment.trapped.empty()) continue;
+        if (agglomerates.of_tag(fragment.label) != agglomerates.of_tag(host->label)) continue;
+        if (fragment.mass > host->mass || !may_fly_along(fragment, *host) || !is_near(fragment, *host)) continue;
         fragment.is_trapped = found = true;
-        host.trapped.push_back(&fragment);
+        host->trapped.push_back(&fragment);
       }
     }
   }

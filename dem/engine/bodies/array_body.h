@@ -40,7 +40,8 @@ class ArrayBody : public Outline {
 // All bodies in the arrays, measured. `label_of` gives the least tag of the body of a tag, which goes up to `tags`.
 std::vector<ArrayBody> bodies_in_arrays(const Atom *, int tags, const std::function<int(int)> &label_of);
 
-// Finds the loose fragments in the cracks of each body, of its own agglomerate.
-void find_trapped(std::vector<ArrayBody> &, const Agglomerates &);
+// Finds the loose fragments in the cracks of each body, of its own agglomerate and no heavier, the heaviest body first.
+using MayFlyAlong = std::function<bool(const ArrayBody &fragment, const ArrayBody &host)>;
+void find_trapped(std::vector<ArrayBody> &, const Agglomerates &, const MayFlyAlong &);
 
 }  // namespace LAMMPS_NS

@@ -62,6 +62,7 @@ class PlateContact {
   virtual ~PlateContact() {}
   virtual void enter(const EnteringStone &) {}  // of a stream of stones
   virtual void leave(int) {}                    // an agglomerate of which nothing is left
+  virtual void came_back() {}                   // some body from free flight
   virtual void setup() {}  // before the first step of each run
   // Once a step, when the other forces of the step are known. The plate stays within `reach` (m) of z = 0 until the
   // next message. `vflag` asks LIGGGHTS for the virial.

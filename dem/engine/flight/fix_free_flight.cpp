@@ -178,6 +178,8 @@ void FixFreeFlight::add_to(LedgerRows &rows) {
 void FixFreeFlight::change_arrays() {
   remove_leaving();
   auto wakes = [](const std::unique_ptr<FreeBody> &b) { return b->is_waking; };
+  if (std::none_of(bodies_.begin(), bodies_.end(), wakes)) return;
+  for (ActsInFreeFlight *fix : fixes_that_are<ActsInFreeFlight>(modify)) fix->came_back();
   for (auto &b : bodies_)
     if (b->is_waking) {
       b->go_to(update->ntimestep);

@@ -23,12 +23,13 @@ const int CALM_LOOKS = 3;         // in a row, since an oscillation has instants
 // Of the tolerance: what a body trembles with when it strikes adds to the stress, and dies out within the millisecond
 // that it takes from the height at which a face could touch. Below that height a body flies only if it trembles less.
 const double STILL_SHARE = 0.01;
-const int LEAST_REST = 4;         // looks ahead: a body that may be touched sooner does not leave
+const int LEAST_REST = 3;         // looks ahead: a body that may be touched sooner does not leave
 const double UNFORESEEN_LOOKS = 1.5;  // ahead: a body comes back that may meet one in the arrays sooner
-// A body leaves together with the fragments trapped in it when their motion relative to it has less than this share of
-// the energy of the impact, all together, for so many looks that fragments on their way out are gone.
-const double TRAPPED_ENERGY = 1e-3;
-const int TRAPPED_LOOKS = 50;
+// A body leaves together with the fragments trapped in it: with those lighter than a share of it when their motion
+// relative to it has less than this share of the energy of the impact, all together, for so many looks that fragments on
+// their way out are gone; with a heavier one while it would part so slowly that its own energy is within the tolerance.
+const double LIGHT_SHARE = 0.05, TRAPPED_ENERGY = 1e-3;
+const int TRAPPED_LOOKS = 25;
 const double REACH_MARGIN = 1.1;  // the reach may grow by this before all times are found anew
 const double CLEARANCE_M = 1e-5;
 }  // namespace
@@ -238,7 +239,10 @@ bool FreeFlightLooks::is_calm(ArrayBody &b) {
 
 void FreeFlightLooks::let_calm_bodies_depart(Look &look) {
   const size_t count = look.in_arrays.size();
-  find_trapped(look.in_arrays, agglomerates_);
+  find_trapped(look.in_arrays, agglomerates_, [this](const ArrayBody &fragment, const ArrayBody &host) {
+    return fragment.mass < LIGHT_SHARE * host.mass ||
+           norm(fragment.velocity - host.velocity) <= std::sqrt(rules_.tolerance) * rules_.speed;
+  });
   std::vector<char> leaves(count, 0), is_part(count, 0);  // of another one, with which it may leave
   for (size_t k = 0; k < count; k++) {
     ArrayBody &b = look.in_arrays[k];

@@ -75,6 +75,7 @@ class ActsInFreeFlight {
   virtual ~ActsInFreeFlight() {}
   virtual int acts_every() const { return 0; }  // steps, while all bodies are in free flight; 0: never
   virtual bool pushes(int) const { return false; }  // the body of this least tag, which therefore does not fly
+  virtual void came_back() {}  // some body, which may touch at the next step
 };
 
 // Knows of sub-spheres that are not in the arrays.

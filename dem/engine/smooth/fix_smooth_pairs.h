@@ -51,6 +51,7 @@ class FixSmoothPairs : public Fix, public Checkpointed, public EnergyHolder, pub
 
   void take_pairs() override;
   bool pushes(int label) const override;
+  void came_back() override { looked_ = false; }
   void enter(const EnteringStone &) override;
   void leave(int agglomerate) override;
   void add_to(LedgerRows &) override;

@@ -33,6 +33,7 @@ class SmoothContact : public PlateContact {
   void setup() override;
   void enter(const EnteringStone &) override;
   void leave(int agglomerate) override;
+  void came_back() override { looked_ = false; }
   void add_forces(std::vector<NearSphere> &, double reach, int vflag) override;
   void end_of_step(const std::vector<NearSphere> &, std::vector<double> &work_on_stone) override;
   void add_to(LedgerRows &, const std::vector<NearSphere> &) const override;

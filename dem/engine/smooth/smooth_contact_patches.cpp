@@ -30,7 +30,7 @@ void SmoothContact::index(const std::vector<NearSphere> &near) {
   }
 }
 
-// Often enough, and at once when a bond under a patch broke.
+// Often enough, and at once when a bond under a patch broke or a body came back from free flight.
 bool SmoothContact::must_look() const {
   if (!looked_ || lmp_->update->ntimestep % LOOK_STEPS == 0) return true;
   std::vector<double> broke(watched_.empty() ? 0 : 1, 0);

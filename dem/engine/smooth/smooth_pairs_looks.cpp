@@ -23,7 +23,7 @@ const double HEADROOM = 1e-3;       // of the radius: a pair is found before it 
 double ahead_s(double dt) { return 2 * LOOK_STEPS * dt; }
 }  // namespace
 
-// Often enough, and at once when a bond under a patch broke.
+// Often enough, and at once when a bond under a patch broke or a body came back from free flight.
 bool FixSmoothPairs::must_look() const {
   if (!looked_ || update->ntimestep % LOOK_STEPS == 0) return true;
   std::vector<double> broke(watched_.empty() ? 0 : 1, 0);

@@ -42,6 +42,7 @@ class FixWallPlate : public FixWall, public Obstacle, public Pushed, public Ston
 
   void enter(const EnteringStone &stone) override { contact_->enter(stone); }
   void leave(int agglomerate) override { contact_->leave(agglomerate); }
+  void came_back() override { contact_->came_back(); }
 
   void begin_anew() override {
     if (coupling_) coupling_->forget_shapes();
