@@ -27,13 +27,14 @@ import numpy as np
 
 from dem.coupling.launch import engine_error, engine_running
 from dem.deck.render import template
+from dem.deck.time_step import bond_fraction
 from dem.stones.assembly import CONTACT_RADIUS_RATIO
 from dem.stones.bonds import PLATEN_GAP, Bonds, bond_network
 from dem.stones.packing import CylinderContainer, Packing, pack
 from dem.stones.stone import flaw_factors
 
 TRANSITS = 100          # of a sound wave through the specimen while it is strained by `failure_strain`
-STEP_SHARE = 0.3        # the time step over min sqrt(m r0/(E A)) of the bonds
+STEP_SHARE = 0.3        # the time step over min sqrt(m r0/(E A)) of the bonds, at most; less where they are damped more
 AVERAGE_STEPS = 50      # over which a recorded load is averaged
 CHECKS = 200            # looks at the load, at most; 20 of them up to `failure_strain`
 CONFINED_CHECKS = 40    # where the load need not fall: up to twice that strain
@@ -179,7 +180,8 @@ def run_test(directory: Path, specimen: Specimen, rock: Rock, strain: float, che
     bond_time = _bond_time_s(specimen, rock, mass)
     height = 2 * specimen.half_size_m
     time = TRANSITS * height * np.sqrt(rock.density_kg_m3 / rock.bond_modulus_Pa)
-    check_steps = AVERAGE_STEPS * int(np.ceil(time / (20 * AVERAGE_STEPS * STEP_SHARE * bond_time)))
+    step = min(STEP_SHARE, bond_fraction(rock.damping_ratio, rock.stiffness_ratio)) * bond_time
+    check_steps = AVERAGE_STEPS * int(np.ceil(time / (20 * AVERAGE_STEPS * step)))
     dt = time / (20 * check_steps)
     speed = (-0.5 if specimen.is_pulled else 0.5) * strain * height / time  # of each platen
     _write(directory, specimen, mass, specimen.strength_factors(rock))

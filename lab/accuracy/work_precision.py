@@ -114,7 +114,7 @@ def step_settings(t0: float, stone_contact_s: float) -> list[NumericalSetting]:
     """Time step and co-step, of bonded stones and of unbonded spheres."""
     # A sample holds 30 rows of the fast stream, a row whole co-steps: lengths that divide it are met exactly.
     row = SAMPLE_s / dem.deck.time_step.FAST_PER_SAMPLE
-    longest = row / np.ceil(row / (0.36 * t0))
+    longest = row / np.ceil(row / (0.45 * t0))
     fine = longest / 4
 
     def step(k: int) -> Setting:

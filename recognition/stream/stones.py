@@ -22,8 +22,8 @@ DEAD_S, MOST_MISSED = 0.2e-3, 0.5
 AGAIN = 0.5  # of the stones that come down slower have touched before, in any stream; others struck one in the air
 #: Missed stones: of touches that are none by the law, and, by those that come down slower, of others too weak to hear.
 UNLIKE, LOST = 0.5, 0.07
-#: Odds of gangue of a missed stone, by those of all: coal is lighter and softer, and the weaker of two is lost. Of 43
-#: streams of the engine, whose 94 missed stones were 17 of gangue, not 34; by likelihood from 0.16 to 0.52.
+#: Odds of gangue of a missed stone over those of all: coal is lighter and softer, and the weaker of two is lost. In 43
+#: streams of the engine 94 stones were missed, of them 17 of gangue and not 34; with 95 % from 0.16 to 0.52.
 MISSED_ODDS = 0.3
 AGAIN_SAMPLES, AGAIN_M = 20, 0.05  # within which a weaker touch is of the same stone
 
