@@ -17,6 +17,7 @@ from recognition.estimation.arrays import Floats, Integers
 from recognition.physics.force_law import ForceLaw, of_either
 
 STEPS, SETTLED, LARGEST_STEP = 20, 1e-2, 0.7  # how many at most, steps that end them, and the largest of any number
+PATH = ["einsum_path", (0, 1), (0, 1)]  # of three factors; to seek it anew takes longer than the products
 LIKELY = 100  # arrangements, the best, about whose own numbers signals are linear
 
 
@@ -54,7 +55,7 @@ class NearRecord:
         left = self.along - np.tensordot(weights, self.gram, 2)
         chi_square = self.power - (weights * (self.along + left)).sum(axis=(1, 2))
         pull = np.einsum("mipa,mip->mia", by_numbers, left).reshape(m, -1)
-        curvature = np.einsum("mipa,ipjq,mjqb->miajb", by_numbers, self.gram, by_numbers, optimize=True)
+        curvature = np.einsum("mipa,ipjq,mjqb->miajb", by_numbers, self.gram, by_numbers, optimize=PATH)
         return chi_square, pull, curvature.reshape(m, stones * k, -1)
 
     def _best(self, mean: Floats, precision: Floats) -> Floats:
@@ -71,12 +72,13 @@ class NearRecord:
         return numbers
 
     def integrals(self, means: Floats, covariance: Floats, which: Integers) -> tuple[Floats, Floats]:
-        """Of each arrangement `which` (m, stones) of two materials, whose numbers have one of the means (v, 2, k) and a
-        covariance (2, k, k): least chi-square (v, m) of record and numbers together, and logarithm (v, m) of the ratio
-        of the volumes after and before, squared. Minus twice the log likelihood is their sum with log_determinant."""
-        chi_square, curved = self._about_any(means, covariance, which)
+        """Of each arrangement (m, stones) of two materials, `which` being all in order, whose numbers have one of the
+        means (v, 2, k) and a covariance (2, k, k): least chi-square (v, m) of record and numbers together, and logarithm
+        (v, m) of the ratio of the volumes after and before, squared. Minus twice the log likelihood is their sum with
+        log_determinant."""
+        chi_square, after = self._about_any(means, covariance)
         before = np.linalg.slogdet(covariance)[1][which].sum(axis=1)
-        volume = np.tile(np.linalg.slogdet(curved)[1] + before, (len(means), 1))
+        volume = np.tile(after + before, (len(means), 1))
         v, m = np.unravel_index(np.argsort(chi_square + volume, axis=None)[:LIKELY], chi_square.shape)
         mean, precision = means[v[:, None], which[m]], np.asarray(np.linalg.inv(covariance), float)[which[m]]
         best = self._best(mean, precision)
@@ -85,17 +87,28 @@ class NearRecord:
         volume[v, m] = np.linalg.slogdet(_with(curvature, precision))[1] + before[m]
         return chi_square, volume
 
-    def _about_any(self, means: Floats, covariance: Floats, which: Integers) -> tuple[Floats, Floats]:
+    def _about_any(self, means: Floats, covariance: Floats) -> tuple[Floats, Floats]:
         """Where signals are linear about the numbers of any stone: least chi-square (v, m) as of `integrals`, and the
-        curvature (m, stones k, stones k) of record and numbers together."""
+        log determinant (m,) of the curvature of record and numbers together. The numbers of one stone after another
+        are eliminated, of either material: what is left of the others is the Schur complement (Horn, Johnson, Matrix
+        Analysis, 2013), which arrangements that begin alike share."""
+        speeds, (stones, k) = len(means), self.numbers.shape
         at, pull, curvature = self._about(self.numbers[None])
-        own, precision = np.arange(len(self.numbers)), np.asarray(np.linalg.inv(covariance), float)
-        off = self.numbers - means[:, :, None]  # (v, 2, stones, k)
-        back = np.matmul(off, precision)
-        far = (off * back).sum(axis=3)[:, which, own].sum(axis=2)
-        curved = _with(curvature, precision[which])
-        slope = (pull - back[:, which, own].reshape(*far.shape, -1)).transpose(1, 2, 0)  # (m, stones k, v)
-        return at + far - (slope * np.linalg.solve(curved, slope)).sum(axis=1).T, curved
+        off, precision = self.numbers - means[:, :, None], np.asarray(np.linalg.inv(covariance), float)
+        back = np.matmul(off, precision)  # (v, 2, stones, k)
+        far, back = (off * back).sum(axis=3).T, back.transpose(2, 1, 3, 0)
+        least, volume, slope = np.tile(at, (1, speeds)), np.zeros(1), np.tile(pull[:, :, None], speeds)
+        for stone in range(stones):
+            begun, others = 2 << stone, k * (stones - 1 - stone)
+            own, beside = curvature[:, None, :k, :k] + precision, np.repeat(curvature[:, None, :k, k:], 2, axis=1)
+            of_own = slope[:, None, :k] - back[stone]
+            solved = np.linalg.solve(own, np.concatenate([beside, of_own], axis=3))
+            least = least[:, None] + far[stone] - (of_own * solved[..., others:]).sum(axis=2)
+            moved = np.matmul(beside.swapaxes(2, 3), solved)
+            least, volume = least.reshape(begun, -1), (volume[:, None] + np.linalg.slogdet(own)[1]).ravel()
+            curvature = (curvature[:, None, k:, k:] - moved[..., :others]).reshape(begun, others, others)
+            slope = (slope[:, None, k:] - moved[..., others:]).reshape(begun, others, speeds)
+        return least.T, volume
 
 
 def _with(curvature: Floats, precision: Floats) -> Floats:

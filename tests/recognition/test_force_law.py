@@ -75,8 +75,8 @@ def test_a_record_about_numbers_of_its_stones_against_differences():
 
 def about_any(near, law, means, each):
     """`integrals` before any arrangement is linear about its own numbers."""
-    chi_square, curved = near._about_any(means, law.covariance, each)
-    volume = np.linalg.slogdet(curved)[1] + np.linalg.slogdet(law.covariance)[1][each].sum(axis=1)
+    chi_square, after = near._about_any(means, law.covariance)
+    volume = after + np.linalg.slogdet(law.covariance)[1][each].sum(axis=1)
     return chi_square, np.tile(volume, (len(means), 1))
 
 
