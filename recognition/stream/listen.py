@@ -22,7 +22,9 @@ MOST_AT_ONCE = 12  # stones of one window
 LEAST_GAIN = 15.0  # of the log posterior, for a stone to be believed
 BAD_MISFIT = 4.0  # of a window, from which its stones are sought anew one by one
 LEAST_EVIDENCE = 20.0  # of the log, with the misfit as noise, for a stone to be believed
-LEAST_SHARE = 0.05  # of a window's chi-square that a further stone must explain: a plate's model is never exact
+#: Of a window's chi-square, that a further stone must explain: a plate's model is never exact. One that explains less
+#: than CLEAR_SHARE needs more evidence: in 8 streams what was no stone had at most 75, stones at least 110.
+LEAST_SHARE, CLEAR_SHARE, CLEAR_EVIDENCE = 0.02, 0.05, 100.0
 CHECKED, HOPELESS = 40, 0.4  # after so many windows each: the share unexplained with which a part is passed over
 PART, PARTS = 10_000, 6  # samples of a part of a record, and how many of the last are looked at together
 KEPT = 300  # samples before those that are listened to: no stone is sought there again
@@ -138,7 +140,7 @@ class Listener:
             fit, window = _before_late(fit, window)
             fit, stone = self._judged(window, fit)
             centre, self.waiting = int(fit.stones[0, TIME]), fit.stones[1:]
-            if stone.evidence > LEAST_EVIDENCE and stone.gain > self._needed(window):
+            if self._believed(window, stone):
                 heard.append(stone)
                 self._subtract(stone.stone)
                 self.at = max(self.at, centre - LOOK_BACK, 0 if len(self.waiting) else searched)
@@ -261,11 +263,15 @@ class Listener:
             return None
         return best if np.all(np.diff(best.stones[:, TIME]) >= 0) else window.at(in_order(best.stones))
 
-    def _needed(self, window: Window) -> float:
-        """Gain that a stone must bring: some of the energy about it, also of what was heard and taken away before."""
+    def _needed(self, window: Window, share: float = LEAST_SHARE) -> float:
+        """Gain that a stone must bring: a share of the energy about it, also of what was taken away before."""
         first = window.first - self.first
         energy = np.sum(self.whole[:, first:first + window.values.shape[1]] ** 2)
-        return max(LEAST_GAIN, LEAST_SHARE * float(energy) / 2)
+        return max(LEAST_GAIN, share * float(energy) / 2)
+
+    def _believed(self, window: Window, stone: Heard) -> bool:
+        clear = stone.gain > self._needed(window, CLEAR_SHARE)
+        return stone.gain > self._needed(window) and stone.evidence > (LEAST_EVIDENCE if clear else CLEAR_EVIDENCE)
 
     def _judged(self, window: Window, fit: Fit) -> tuple[Fit, Heard]:
         """The fit with the misfit as noise, and what it says of the first stone."""

@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 from common.scene.plate import read_plate
 from recognition.__main__ import main
 from recognition.estimation.errors import NotRecognised, RecognitionError
-from recognition.innovations.bank import FIT_LAGS, TIME, Bank
+from recognition.innovations.bank import FIT_LAGS, LAGS, TIME, Bank
 from recognition.innovations.prior import StonePrior
 from recognition.innovations.signatures import Channels
 from recognition.innovations.whitening import Whitening
@@ -19,6 +19,7 @@ from recognition.stream.checks import Checks, together, without_offset_and_hum
 from recognition.stream.fit import Window
 from recognition.stream.listen import KEPT, PART, Listener
 from recognition.stream.recognise import RATE_Hz, channels_of, recognise_stream
+from recognition.stream.search import Dictionary
 from recognition.stream.stone_law import LearntLaw, Told
 from recognition.stream.stones import missed_of, ratio_of
 from tests.recognition.elastic_stones import CHANNELS, elastic_stone, surely_told, white
@@ -353,3 +354,16 @@ def test_a_stone_in_three_times_the_noise_is_known_a_third_as_well(bank, forces)
     too_sure = np.linalg.inv(fit.curvature)[TIME, TIME]
     assert heard.misfit == pytest.approx(9, rel=0.2)
     assert heard.covariance[TIME, TIME] == pytest.approx(9 * too_sure, rel=0.25)
+
+
+def test_a_weak_stone_before_a_strong_one_is_heard(plate, forces):
+    """It has a 25th of the other's energy, 2 ms before."""
+    prior, rng = StonePrior(forces, (0.025, 0.025), (2.0, 4.0)), np.random.default_rng(7)
+    whitening = Whitening.of(plate, CHANNELS, RATE_Hz, white(np.full(4, 140.0)), np.ones(4))
+    bank = Bank.of(plate, CHANNELS, forces, whitening, RATE_Hz)
+    values = rng.standard_normal((4, 600))
+    for at, place, energy in ((100.4, (0.05, -0.07), 2_000.0), (140.7, (-0.12, 0.02), 50_000.0)):
+        first, rows = bank.whole(np.array([at, prior.typical[0], *place, 0.0, prior.typical[2]]))
+        values[:, first:first + LAGS] += rows * np.sqrt(energy / np.sum(rows**2))
+    found = Listener(bank, prior, Dictionary.of(bank, prior)).hear(values, ended=True)
+    assert [h.stone[TIME] for h in found] == pytest.approx([100.4, 140.7], abs=0.3)
