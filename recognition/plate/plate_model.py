@@ -140,8 +140,9 @@ class PlateModel(ByValue):
             "grid_shape": shapes @ (one * at / squared).T / own}
         added |= {name: np.full(len(own), np.median(getattr(self, name)))
                   for name in ("damping_ratio", "frequency_sd", "damping_sd", "shape_sd")}
-        return replace(self, **{name: np.concatenate([getattr(self, name), value], axis=-1)
-                                for name, value in added.items()})
+        for name, value in added.items():
+            added[name] = np.concatenate([getattr(self, name), value], axis=-1)
+        return replace(self, **added)
 
     @cached_property
     def splines(self) -> tuple[Any, Any]:
