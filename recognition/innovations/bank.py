@@ -16,7 +16,7 @@ from recognition.plate.plate_model import PlateModel
 from recognition.stone_forces.forces import StoneForces
 
 LAGS, FIT_LAGS = 320, 56  # samples of a signature: until one channel alone rings no more, and those of a fit
-HIGHEST_SHARE = 0.6  # of the sample rate: modes above it are felt no more
+HIGHEST_SHARE = 1.0  # of the sample rate: modes above it are felt no more
 SHAPE_STEP_M = 2.5e-3  # of the grid of shapes; between its points they are linear
 KEPT = 64  # signatures
 TIME, DURATION, X, Y, BREAKING, IMPULSE = range(6)  # of a stone's parameters: samples, log s, m, m, 1, log N s

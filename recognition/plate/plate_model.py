@@ -123,6 +123,27 @@ class PlateModel(ByValue):
         names = (*WITHOUT_SIGN, "sensor_shape", "rod_force_N_m", "grid_shape")
         return replace(self, **{name: getattr(self, name)[..., kept] for name in names})
 
+    def with_residual_modes(self, wide: Self) -> Self:
+        """The plate with a residual mode for each accelerometer: what the modes that `wide` has beyond as many as this
+        plate give there. Far below their frequencies they push together about it, and hardly elsewhere."""
+        above = slice(len(self.frequency_Hz), None)
+        squared, at = (2 * np.pi * wide.frequency_Hz[above]) ** 2, wide.sensor_shape[:, above]
+        if not squared.size:
+            return self
+        x_m, y_m = np.meshgrid(self.lines_x_m, self.lines_y_m, indexing="ij")
+        shapes = wide.shape(x_m.ravel(), y_m.ravel())[:, above].reshape(*x_m.shape, -1)
+        one = (at**2 / squared).sum() / (at**2 / squared**2).sum()  # w^2, right to the fourth power of a frequency
+        own = np.sqrt((one * at**2 / squared).sum(axis=1)).clip(min=np.finfo(float).tiny)
+        added: dict[str, Any] = {
+            "frequency_Hz": np.full(len(own), np.sqrt(one) / (2 * np.pi)), "sensor_shape": np.diag(own),
+            "rod_force_N_m": np.zeros((len(self.rod_force_N_m), len(own))),
+            "grid_shape": shapes @ (one * at / squared).T / own}
+        added |= {name: np.full(len(own), np.median(getattr(self, name)))
+                  for name in ("damping_ratio", "frequency_sd", "damping_sd", "shape_sd")}
+        for name, value in added.items():
+            added[name] = np.concatenate([getattr(self, name), value], axis=-1)
+        return replace(self, **added)
+
     @cached_property
     def splines(self) -> tuple[Any, Any]:
         """For either axis, the function of the weights (n, lines) of its grid lines at coordinates (n,)."""

@@ -28,6 +28,7 @@ LASTS_S = 1.5e-3  # at most, a tap
 EARLY_S = 3e-4  # before the onset as the sensors see it
 LARGEST_N = 1e4  # standard deviation of a hat's height: any tap is smaller
 LEAST_MODES = 6  # from which a trend is taken
+SCATTERS = 2.0  # standard deviation of a mode beyond the fit, by that of the others about their trend
 BEYOND = 1.25  # modes up to so many times the highest frequency of the fit are needed
 STAGES_1_s = (2000.0, 800.0, 300.0, 100.0)  # alpha of the windows before the last, which the record's length sets
 BANDS = (0.2, 0.3, 0.45, 0.67)  # of the highest frequency, that are fitted before the whole
@@ -53,10 +54,13 @@ class Prior(Table):
     gain: Annotated[Deviation, about("of a sensor's gain, relative")] = 0.03
     place_m: Annotated[Deviation, about("of the place of a sensor or a tap along x and y")] = 1.5e-3
 
-    def of(self, structure: Structure) -> Floats:
-        """Standard deviations of the numbers of a structure's parameters."""
+    def of(self, structure: Structure, scatter: float) -> Floats:
+        """Standard deviations of the numbers of a structure's parameters. scatter: of frequencies about their trend,
+        which is all that tells those beyond the fit: their flanks alone would have them explain other errors."""
         first, second = structure.pairs
-        coupling = np.where(first == second, 1.0, np.sqrt(0.5)) * self.frequency
+        beyond = structure.plate.frequency_Hz > structure.plate.max_frequency_Hz / BEYOND
+        frequency = np.where(beyond, min(SCATTERS * scatter, self.frequency), self.frequency)
+        coupling = np.where(first == second, 1.0, np.sqrt(0.5)) * np.sqrt(frequency[first] * frequency[second])
         return np.concatenate([coupling, np.repeat([self.damping, self.gain, self.place_m], structure.sizes[1:])])
 
 
@@ -68,7 +72,8 @@ class Fit:
     not measured, the heights (b,) in N of the hats whose sum it is. What is known beforehand is zero.
     """
 
-    def __init__(self, structure: Structure, taps: Sequence[Tap], prior: Prior, alpha: float) -> None:
+    def __init__(self, structure: Structure, taps: Sequence[Tap], prior: Prior, alpha: float,
+                 scatter: float = np.inf) -> None:
         self.structure, self.shared = structure, sum(structure.sizes)
         highest_Hz = structure.plate.max_frequency_Hz / BEYOND
         samples = samples_of(taps, LEAD_S)
@@ -82,7 +87,7 @@ class Fit:
         of_tap = np.repeat([prior.place_m, MODES_BEYOND], [2, len(structure.plate.sensor_names)])
         own = [np.concatenate([of_tap, np.full(hats.shape[1], LARGEST_N)]) for hats in self.hats]
         self.ends = np.cumsum([self.shared, *(one.size for one in own)])
-        self.prior_sd = np.concatenate([prior.of(structure), *own])
+        self.prior_sd = np.concatenate([prior.of(structure, scatter), *own])
 
     def of_tap(self, state: Floats, k: int) -> tuple[Floats, Floats, Floats]:
         """Shift, compliance and heights of tap k."""
@@ -222,12 +227,12 @@ def fit_plate(plate: PlateModel, taps: Sequence[Tap], prior: Prior | None = None
     """The most probable plate about a starting one. Raises RecognitionError for taps that do not fit each other."""
     check_taps(taps, len(plate.sensor_names), plate.max_frequency_Hz / BEYOND, plate.frequency_Hz.size, LEAD_S)
     taps = [replace(tap, rate_Hz=taps[0].rate_Hz) for tap in taps]  # rounding of times would give other frequencies
-    prior, start = prior or Prior(), plate
+    prior, start, scatter = prior or Prior(), plate, np.inf
     try:
         for band_Hz in _bands(plate, taps):
             part = replace(start.below(BEYOND * band_Hz), max_frequency_Hz=BEYOND * band_Hz)
-            start = _by_trend(plate, _fitted(part, taps, prior), prior)
-        return _fitted(start, taps, prior)
+            start, scatter = _by_trend(plate, _fitted(part, taps, prior, scatter), prior)
+        return _fitted(start, taps, prior, scatter)
     except np.linalg.LinAlgError:
         weakest = min(taps, key=lambda tap: float(abs(tap.acceleration).max()))
         raise RecognitionError(f"{weakest.name}: at most {abs(weakest.acceleration).max():.2g} m/s^2, which rounding "
@@ -241,13 +246,13 @@ def _bands(plate: PlateModel, taps: Sequence[Tap]) -> list[float]:
     return [band_Hz for band_Hz in every if after_s * band_Hz >= LEAST_PERIODS and (plate.frequency_Hz < band_Hz).any()]
 
 
-def _by_trend(plate: PlateModel, fitted: Fitted, prior: Prior) -> PlateModel:
+def _by_trend(plate: PlateModel, fitted: Fitted, prior: Prior) -> tuple[PlateModel, float]:
     """The plate with its frequencies moved by the trend of the modes that a fit of a part of them has identified: the
-    logarithm of a frequency moves by a + b f.
+    logarithm of a frequency moves by a + b f. And the standard deviation of these modes about it.
 
     a and b are normally distributed about zero; their variance and that of the modes about the trend are those of the
     greatest evidence (MacKay, Bayesian interpolation, Neural Computation 4, 1992). So modes that scatter at random
-    leave the plate nearly as it is. With fewer than LEAST_MODES it is left so.
+    leave the plate nearly as it is. With fewer than LEAST_MODES it is left so, and nothing is told of their scatter.
     """
     part = fitted.fit.structure.plate
     own = np.arange(part.frequency_Hz.size)  # S of each mode with itself: the parameters begin with it
@@ -255,22 +260,23 @@ def _by_trend(plate: PlateModel, fitted: Fitted, prior: Prior) -> PlateModel:
     known = (np.sqrt(np.diag(fitted.covariance)[own]) < IDENTIFIED * prior.frequency) & (found_Hz > 0)
     known &= found_Hz < part.max_frequency_Hz / BEYOND
     if known.sum() < LEAST_MODES:
-        return plate
+        return plate, np.inf
     from sklearn.linear_model import BayesianRidge  # late: slow to import
 
     terms = np.column_stack([np.ones(plate.frequency_Hz.size), plate.frequency_Hz / plate.max_frequency_Hz])
     moved = np.log(found_Hz[known] / plate.frequency_Hz[own[known]])
     trend = BayesianRidge(fit_intercept=False).fit(terms[own[known]], moved)
-    return replace(plate, frequency_Hz=plate.frequency_Hz * np.exp(trend.predict(terms)))
+    moved_plate = replace(plate, frequency_Hz=plate.frequency_Hz * np.exp(trend.predict(terms)))
+    return moved_plate, float(1 / np.sqrt(trend.alpha_))
 
 
-def _fitted(plate: PlateModel, taps: Sequence[Tap], prior: Prior) -> Fitted:
+def _fitted(plate: PlateModel, taps: Sequence[Tap], prior: Prior, scatter: float) -> Fitted:
     """The fit about one starting plate. LinAlgError where rounding errors hide the records."""
     structure, last = Structure(plate), LAST_DECAY / min(tap.acceleration.shape[1] / tap.rate_Hz for tap in taps)
     stages = [alpha for alpha in STAGES_1_s if alpha > 1.5 * last] + [last]
     state: Floats | None = None
     for alpha in stages:
-        fit = Fit(structure, taps, prior, alpha)
+        fit = Fit(structure, taps, prior, alpha, scatter)
         state = fit.improved(fit.start() if state is None else state, rough=True, steps=STEPS)
     assert state is not None
     state = fit.improved(state, rough=False, steps=LAST_STEPS)

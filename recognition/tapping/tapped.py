@@ -30,6 +30,7 @@ from recognition.tapping.taps import BAND, Tap
 
 _log = logging.getLogger(__name__)
 DRAWS, SEED = 64, 1  # of the posterior
+RESIDUAL = 2.0  # times the highest frequency of the fit: so far residual modes stand for the scene's
 HUM_PERIODS = 5.0  # of a tap's record: in fewer the plate's own motion may pass for hum
 
 
@@ -199,7 +200,7 @@ def tap(scene_file: str, taps: str, out: str, max_frequency_Hz: float = 6000.0, 
         refuse_unexplained(found)
     except NotRecognised as error:
         return TapResult(None, 0, modes, sensors, str(error), *counts)
-    found.plate.save(Path(out))
+    found.plate.with_residual_modes(PlateModel.from_scene(scene_file, RESIDUAL * max_frequency_Hz)).save(Path(out))
     if uff is not None:
         write_modes(Path(uff), found.plate)
     return TapResult(Path(out), Path(out).stat().st_size, modes, sensors, "", *counts)

@@ -41,6 +41,21 @@ def test_modes_up_to_no_frequency_are_refused(highest_Hz):
         plate_modes(read_plate(SCENE).model_copy(update={"max_frequency_Hz": highest_Hz}))
 
 
+@pytest.mark.parametrize("off_m, left", [((0.0, 0.0), 0.1), ((0.02, -0.01), 0.1), ((0.1, -0.2), 1.0)])
+def test_residual_modes_stand_for_all_modes_above(model, off_m, left):
+    """The steady motion of every mode by its formula: of what is missed up to 0.8 of the highest mode that is kept, little
+    is left about an accelerometer, and nothing is worse far away."""
+    wide, f_Hz = PlateModel.from_scene(SCENE, 6000.0), np.linspace(200, 2400, 50)[:, None]
+
+    def seen(plate):
+        shapes = plate.sensor_shape[0] * plate.shape(*(plate.sensor_m[0] + off_m)[:, None])[0]
+        w, own, zeta = 2 * np.pi * f_Hz, 2 * np.pi * plate.frequency_Hz, plate.damping_ratio
+        return np.sum(-w**2 * shapes / (own**2 - w**2 + 2j * zeta * own * w), axis=1)
+
+    missed, still = (abs(seen(plate) - seen(wide)) for plate in (model, model.with_residual_modes(wide)))
+    assert np.sqrt(np.mean(still**2)) < left * np.sqrt(np.mean(missed**2))
+
+
 def test_response_is_that_of_an_integrator(model):
     """DOP853, restarted where a force jumps, which is at every sample."""
     rng, rate_Hz = np.random.default_rng(2), 20e3

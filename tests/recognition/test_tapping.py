@@ -57,6 +57,17 @@ def test_modes_are_found(start, truth, force_known):
     assert found.unexplained.max() < 0.1
 
 
+def test_modes_beyond_the_fit_keep_to_the_trend():
+    """A plate that is 2 % stiffer: of modes above the fit the taps show flanks alone, which say little of frequencies."""
+    start, truth = PlateModel.from_scene(SCENE, 3000.0), PlateModel.from_scene(SCENE, 6000.0)
+    truth = replace(truth, frequency_Hz=1.02 * truth.frequency_Hz)
+    taps = hammer_taps(truth, PLACES, np.random.default_rng(7), rate_Hz=8e3, place_error_m=1.5e-3)
+    found = learnt(fit_plate(start, taps))
+    beyond = start.frequency_Hz > found.highest_Hz
+    assert beyond.sum() > 5
+    assert found.plate.frequency_Hz[beyond] == pytest.approx(truth.frequency_Hz[:beyond.size][beyond], rel=3e-3)
+
+
 @pytest.mark.slow
 def test_frequencies_that_are_off_the_more_the_higher_are_found():
     """As those of another theory of plates: up to 15 % above the start, whose standard deviation is 3 %."""
