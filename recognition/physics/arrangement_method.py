@@ -131,6 +131,7 @@ def on_plate(model: ArrangementModel, plate: PlateModel) -> ArrangementModel:
     none in common, or where a stone would fall beside the plate."""
     if model.own_falls:
         raise RecognitionError("a model of stones on places of their own knows the plate of its training alone")
+    plate = plate.without_residual_modes()  # the finite elements have the modes that these stand for
     kept = [k for k, name in enumerate(model.names) if name in columns_of(plate)]
     if not kept:
         raise RecognitionError(f"the plate has none of the channels {', '.join(model.names)}")

@@ -72,10 +72,10 @@ class NearRecord:
         return numbers
 
     def integrals(self, means: Floats, covariance: Floats, which: Integers) -> tuple[Floats, Floats]:
-        """Of each arrangement (m, stones) of two materials, `which` being all in order, whose numbers have one of the
-        means (v, 2, k) and a covariance (2, k, k): least chi-square (v, m) of record and numbers together, and logarithm
-        (v, m) of the ratio of the volumes after and before, squared. Minus twice the log likelihood is their sum with
-        log_determinant."""
+        """Of each arrangement `which` (m, stones) of two materials, all of them in order, whose numbers have one of the
+        means (v, 2, k) and a covariance (2, k, k): least chi-square (v, m) of record and numbers together, and
+        logarithm (v, m) of the ratio of the volumes after and before, squared. Minus twice the log likelihood is their
+        sum with log_determinant."""
         chi_square, after = self._about_any(means, covariance)
         before = np.linalg.slogdet(covariance)[1][which].sum(axis=1)
         volume = np.tile(after + before, (len(means), 1))

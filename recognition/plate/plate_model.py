@@ -19,11 +19,11 @@ from common.scene.plate import FlexiblePlate, read_plate
 from common.tables import refused_in
 from plate_fem.elements.mesh import bending_wavenumber, choose_theory
 from plate_fem.modes import plate_modes
-from recognition.estimation.arrays import Floats, finite
+from recognition.estimation.arrays import Booleans, Floats, finite
 from recognition.estimation.errors import RecognitionError
 
 LINES_PER_WAVELENGTH = 20  # of the grid of shapes; its cubic splines then err by at most 1e-3 of the largest shape
-FORMAT = "plate model 1"
+FORMAT = "plate model 2"
 SLOPES = ((1, 0), (0, 1))  # of `PlateModel.shape`: by x and by y
 WITHOUT_SIGN = ("frequency_Hz", "damping_ratio", "frequency_sd", "damping_sd", "shape_sd")
 
@@ -38,7 +38,7 @@ class PlateModel(ByValue):
     lines_x_m (nx,), lines_y_m (ny,), grid_shape (nx, ny, m): shapes on a regular grid over the plate.
     frequency_sd, damping_sd, shape_sd (m,): standard deviations of each mode, relative to its frequency, to its damping
     ratio and to the rms of its shape over the plate. Zero: taken to be exact.
-    max_frequency_Hz: no mode up to here is missing.
+    max_frequency_Hz: no mode up to here is missing. residual_modes: the last so many stand for those above.
     Raises RecognitionError for arrays that do not fit each other, are not finite or have the wrong sign.
 
     >>> plate = PlateModel.from_scene("scenes/small.toml", max_frequency_Hz=500.0)
@@ -59,11 +59,14 @@ class PlateModel(ByValue):
     damping_sd: Floats
     shape_sd: Floats
     max_frequency_Hz: float
+    residual_modes: int = 0
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.max_frequency_Hz) or self.frequency_Hz.ndim != 1 or self.frequency_Hz.size == 0:
             raise RecognitionError("needs the frequency of at least one mode, and the highest")
         m, s = len(self.frequency_Hz), len(self.sensor_names)
+        if not 0 <= self.residual_modes < m:
+            raise RecognitionError(f"residual_modes = {self.residual_modes}; must be 0 to {m - 1}")
         expected: dict[str, tuple[int, ...]] = {name: (m,) for name in WITHOUT_SIGN}
         expected |= {"sensor_m": (s, 2), "sensor_shape": (s, m), "rod_force_N_m": (len(self.rod_force_N_m), m),
                      "grid_shape": (len(self.lines_x_m), len(self.lines_y_m), m)}
@@ -119,9 +122,15 @@ class PlateModel(ByValue):
 
     def below(self, limit_Hz: float) -> Self:
         """The plate with its modes below a frequency alone."""
-        kept = self.frequency_Hz < limit_Hz
+        return self._only(self.frequency_Hz < limit_Hz)
+
+    def without_residual_modes(self) -> Self:
+        return self._only(np.arange(len(self.frequency_Hz)) < len(self.frequency_Hz) - self.residual_modes)
+
+    def _only(self, kept: Booleans) -> Self:
+        residual = int(np.count_nonzero(kept[len(kept) - self.residual_modes:]))
         names = (*WITHOUT_SIGN, "sensor_shape", "rod_force_N_m", "grid_shape")
-        return replace(self, **{name: getattr(self, name)[..., kept] for name in names})
+        return replace(self, residual_modes=residual, **{name: getattr(self, name)[..., kept] for name in names})
 
     def with_residual_modes(self, wide: Self) -> Self:
         """The plate with a residual mode for each accelerometer: what the modes that `wide` has beyond as many as this
@@ -142,7 +151,7 @@ class PlateModel(ByValue):
                   for name in ("damping_ratio", "frequency_sd", "damping_sd", "shape_sd")}
         for name, value in added.items():
             added[name] = np.concatenate([getattr(self, name), value], axis=-1)
-        return replace(self, **added)
+        return replace(self, residual_modes=len(own), **added)
 
     @cached_property
     def splines(self) -> tuple[Any, Any]:
@@ -193,7 +202,8 @@ class PlateModel(ByValue):
             raise RecognitionError(f"{file}: not a plate model of this version; `gangue tap` writes one")
         try:
             kept: dict[str, Any] = {"sensor_names": tuple(map(str, content["sensor_names"])),
-                                    "max_frequency_Hz": float(content["max_frequency_Hz"])}
+                                    "max_frequency_Hz": float(content["max_frequency_Hz"]),
+                                    "residual_modes": int(content["residual_modes"])}
             arrays = {name: np.array(content[name], float) for name in names - set(kept)}
             arrays["rod_force_N_m"] = arrays["rod_force_N_m"].reshape(-1, arrays["frequency_Hz"].size)
             return cls(**arrays | kept)

@@ -32,8 +32,14 @@ def channels(plate, force_N, place_m):
     return np.vstack([plate.sensor_shape @ acceleration, plate.rod_force_N_m @ amplitude])
 
 
-def test_on_the_plate_of_the_training_nothing_changes(method):
-    found = on_plate(method.model_, learnt())
+@pytest.mark.parametrize("residual", [False, True])
+def test_on_the_plate_of_the_training_nothing_changes(method, residual):
+    """Residual modes stand for those that the finite elements have."""
+    plate_of_it = learnt()
+    if residual:
+        plate_of_it = plate_of_it.with_residual_modes(PlateModel.from_scene(plate(), 2 * plate().max_frequency_Hz))
+        assert plate_of_it.residual_modes == len(plate_of_it.sensor_names)
+    found = on_plate(method.model_, plate_of_it)
     assert found.hat == pytest.approx(method.model_.hat, abs=1e-12 * abs(method.model_.hat).max())
     assert found.scatter == [] and found.names == method.model_.names
 
