@@ -186,7 +186,7 @@ def test_frequency_responses_in_and_modes_out(truth, tmp_path):
     words = ["tap", str(SCENE), str(tmp_path / "taps.toml"), "--out", str(tmp_path / "plate.json"),
              "--max-frequency", "1200", "--uff", str(tmp_path / "modes.uff")]
     assert main(words) == 0 and main(words) == 0
-    plate = PlateModel.load(tmp_path / "plate.json")
+    plate = PlateModel.load(tmp_path / "plate.json").without_residual_modes()
     found = abs(plate.frequency_Hz[:, None] / truth.frequency_Hz[3:8] - 1).min(axis=0)
     assert found.max() < 1e-3, found
     nodes, *modes = [one for one in pyuff.UFF(str(tmp_path / "modes.uff")).read_sets() if one["type"] in (15, 55)]
