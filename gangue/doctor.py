@@ -15,6 +15,7 @@ from common.tables import InputError
 
 PACKAGE = "coal-gangue-impact"
 LEAST_FREE_GB = 1.0  # of disk and of memory; the default scene takes less than a tenth of either
+MEMORY = Path("/proc/meminfo")
 NEEDED = 5  # findings to simulate; the others are needed for what they name
 
 
@@ -49,7 +50,7 @@ class DoctorResult(Result):
 def doctor() -> DoctorResult:
     from dem.coupling.launch import check_engine, library_version  # late: no other command of gangue needs it
 
-    free_GB = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
+    free_GB = _free_memory_GB()
     disk_GB = shutil.disk_usage(".").free / 1e9
     return DoctorResult((
         Finding("program", True, f"{PACKAGE} {version(PACKAGE)} in {Path(__file__).resolve().parents[1]}, "
@@ -65,6 +66,12 @@ def doctor() -> DoctorResult:
         _extra("tables", ("openpyxl",), "tables for spreadsheets (XLSX)"),
         _extra("campaign", ("snakemake", "snakemake_executor_plugin_slurm"), "campaigns"),
         _programs("ParaView", ("paraview", "pvpython"), "opens view.pvd, on this or any other machine")))
+
+
+def _free_memory_GB() -> float:
+    """What a program could have. Memory that only keeps files for later counts, which sysconf leaves out."""
+    (available,) = [line for line in MEMORY.read_text().splitlines() if line.startswith("MemAvailable:")]
+    return int(available.split()[1]) * 1024 / 1e9
 
 
 def _checked(name: str, check: Callable[[], str]) -> Finding:

@@ -22,6 +22,7 @@ from common.process import messages
 from common.scene.scene import read_scene
 from common.tables import InputError, read_toml
 from dem.coupling.pipes import STOPPED
+from gangue import doctor
 from gangue.__main__ import main
 from gangue.commands import COMMANDS, commands_of, parser_of
 from tests.analysis.synthetic import write_run
@@ -160,9 +161,15 @@ def test_a_quiet_sweep_and_its_json(tmp_path, capfd):
         assert f"peak force {run['peak_force_N']:9.1f} N, {run['n_bonds_broken']} of" in line
 
 
-def test_the_doctor_says_in_eleven_lines_what_is_there(capsys, tmp_path):
-    assert main(["doctor"]) == 0
-    assert len(capsys.readouterr().out.splitlines()) == 11
+@pytest.mark.parametrize("available_kB, code", [(2_000_000, 0), (900_000, 1)])
+def test_the_doctor_says_in_eleven_lines_what_is_there(available_kB, code, capsys, tmp_path, monkeypatch):
+    """Memory that keeps files is no reason to refuse."""
+    memory = tmp_path / "meminfo"
+    memory.write_text(f"MemTotal: 4 kB\nMemFree: 100000 kB\nMemAvailable: {available_kB} kB\nCached: 1500000 kB\n")
+    monkeypatch.setattr(doctor, "MEMORY", memory)
+    assert main(["doctor"]) == code
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 11 and f"{available_kB * 1024e-9:.1f} GB of memory free" in lines[1]
     done = program("--json", "doctor", env={"LIGGGHTS_BONDED": str(tmp_path / "nowhere")})
     (engine,) = [line for line in json.loads(done.stdout) if line["name"] == "engine"]
     assert done.returncode == 1 and not engine["there"] and "build-engine" in engine["text"]
