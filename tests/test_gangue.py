@@ -165,7 +165,7 @@ def test_a_quiet_sweep_and_its_json(tmp_path, capfd):
 def test_the_doctor_says_in_eleven_lines_what_is_there(available_kB, code, capsys, tmp_path, monkeypatch):
     """Memory that keeps files is no reason to refuse."""
     memory = tmp_path / "meminfo"
-    memory.write_text(f"MemTotal: 4 kB\nMemFree: 100000 kB\nMemAvailable: {available_kB} kB\nCached: 1500000 kB\n")
+    memory.write_text(f"MemTotal: 4000000 kB\nMemFree: 100000 kB\nMemAvailable: {available_kB} kB\n")
     monkeypatch.setattr(doctor, "MEMORY", memory)
     assert main(["doctor"]) == code
     lines = capsys.readouterr().out.splitlines()

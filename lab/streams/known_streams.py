@@ -25,7 +25,7 @@ from recognition.stone_forces.forces import History, load_forces
 from recognition.stream.recognise import QUIET_S, RATE_Hz, recognise_stream
 from recognition.stream.stones import ratio_of
 from recognition.tapping.fit import fit_plate
-from recognition.tapping.tapped import RESIDUAL, learnt, refuse_unexplained
+from recognition.tapping.tapped import learnt, refuse_unexplained
 
 SCENE = "scenes/single.toml"
 REACH_m, PAPER_m, SIZES_m, SPEEDS_m_s = 0.2, 0.025, (0.015, 0.035), (2.0, 4.0)
@@ -83,7 +83,7 @@ def learnt_by_taps(true: PlateModel, file: Path, rng: np.random.Generator, count
                            place_error_m=1.5e-3)
         found = learnt(fit_plate(PlateModel.from_scene(SCENE, HIGHEST_Hz), taps))
         refuse_unexplained(found)
-        found.plate.with_residual_modes(PlateModel.from_scene(SCENE, RESIDUAL * found.highest_Hz)).save(file)
+        found.whole_plate(SCENE).save(file)
     return PlateModel.load(file)
 
 

@@ -125,6 +125,7 @@ class PlateModel(ByValue):
         return self._only(self.frequency_Hz < limit_Hz)
 
     def without_residual_modes(self) -> Self:
+        """For what has the modes that these stand for."""
         return self._only(np.arange(len(self.frequency_Hz)) < len(self.frequency_Hz) - self.residual_modes)
 
     def _only(self, kept: Booleans) -> Self:

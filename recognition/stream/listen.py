@@ -248,7 +248,7 @@ class Listener:
 
     def _one_more(self, window: Window, fit: Fit, after: int) -> Fit | None:
         """The fit with the stone that explains most of what is left; None where none is worth it."""
-        left, needed = window.residual(fit.stones), self._needed(window)
+        left, needed = window.residual(fit.stones), max(LEAST_GAIN, LEAST_SHARE * self._half_energy(window))
         until = window.first + window.values.shape[1] - 24
         if 0.5 * float(np.sum(left[:, after - LEAD - window.first:] ** 2)) < needed:  # no stone can explain more
             return None
@@ -263,15 +263,15 @@ class Listener:
             return None
         return best if np.all(np.diff(best.stones[:, TIME]) >= 0) else window.at(in_order(best.stones))
 
-    def _needed(self, window: Window, share: float = LEAST_SHARE) -> float:
-        """Gain that a stone must bring: a share of the energy about it, also of what was taken away before."""
+    def _half_energy(self, window: Window) -> float:
+        """What a stone's gain is a share of: also of what was taken away before."""
         first = window.first - self.first
-        energy = np.sum(self.whole[:, first:first + window.values.shape[1]] ** 2)
-        return max(LEAST_GAIN, share * float(energy) / 2)
+        return float(np.sum(self.whole[:, first:first + window.values.shape[1]] ** 2)) / 2
 
     def _believed(self, window: Window, stone: Heard) -> bool:
-        clear = stone.gain > self._needed(window, CLEAR_SHARE)
-        return stone.gain > self._needed(window) and stone.evidence > (LEAST_EVIDENCE if clear else CLEAR_EVIDENCE)
+        energy = self._half_energy(window)
+        evidence = LEAST_EVIDENCE if stone.gain > CLEAR_SHARE * energy else CLEAR_EVIDENCE
+        return stone.gain > max(LEAST_GAIN, LEAST_SHARE * energy) and stone.evidence > evidence
 
     def _judged(self, window: Window, fit: Fit) -> tuple[Fit, Heard]:
         """The fit with the misfit as noise, and what it says of the first stone."""

@@ -50,6 +50,10 @@ class Learnt:
     gain_sd: Floats
     highest_Hz: float
 
+    def whole_plate(self, scene: str | Path) -> PlateModel:
+        """With the residual modes of the scene whose plate was tapped."""
+        return self.plate.with_residual_modes(PlateModel.from_scene(scene, RESIDUAL * self.highest_Hz))
+
     @property
     def unexplained(self) -> Floats:
         """(s,): rms of what neither plate nor noise explains, in shares of the records."""
@@ -200,7 +204,7 @@ def tap(scene_file: str, taps: str, out: str, max_frequency_Hz: float = 6000.0, 
         refuse_unexplained(found)
     except NotRecognised as error:
         return TapResult(None, 0, modes, sensors, str(error), *counts)
-    found.plate.with_residual_modes(PlateModel.from_scene(scene_file, RESIDUAL * max_frequency_Hz)).save(Path(out))
+    found.whole_plate(scene_file).save(Path(out))
     if uff is not None:
         write_modes(Path(uff), found.plate)
     return TapResult(Path(out), Path(out).stat().st_size, modes, sensors, "", *counts)
