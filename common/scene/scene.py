@@ -56,7 +56,7 @@ class TimeTable(Table):
     co_step: Annotated[Annotated[int, Field(ge=1)] | None, about(
         "DEM steps of a co-step; absent: from the shortest contact")] = None
     free_flight_tolerance: Annotated[NotNegative, about(
-        "share of the impact energy below which inner motion lets a body fly; 0: never (docs/free_flight.md)")] = 1e-4
+        "share of the impact energy below which inner motion lets a body fly; 0: never (docs/free_flight.md)")] = 3e-4
     view_interval_s: Annotated[Positive | None, about(
         "time between two pictures for ParaView; 20 us during the first impact of a stone, but of a stream")] = None
 

@@ -187,8 +187,8 @@ def other_settings() -> list[NumericalSetting]:
         NumericalSetting("output rate", "Hz", dem.deck.time_step.FAST_PER_SAMPLE / SAMPLE_s,
                          [rows(n) for n in (1, 2, 5, 10, 15, 30)],
              rows(60)),
-        NumericalSetting("free-flight tolerance", "of the energy of the impact", 1e-4,
-                         [free_flight(t) for t in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)],
+        NumericalSetting("free-flight tolerance", "of the energy of the impact", 3e-4,
+                         [free_flight(t) for t in (1e-2, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)],
                          free_flight(0.0), recognised=False)]
 
 

@@ -31,8 +31,8 @@ std::vector<double> BondEnergies::stretches_now() const {
 }
 
 double BondEnergies::stretch(const Bond &b, const Shift &s) const {
-  const AtomRecord from = rank_.motion.at(atom->map(b.tag_i), s), to = rank_.motion.at(atom->map(b.tag_j), s);
-  return b.area * (norm(Vec(to.x) - Vec(from.x)) - b.length);
+  const Vec from = rank_.motion.place(atom->map(b.tag_i), s), to = rank_.motion.place(atom->map(b.tag_j), s);
+  return b.area * (norm(to - from) - b.length);
 }
 
 // What is lost, J, when a bond, which still counts, loses `share` of what it has: of its beam and of the dilatations of

@@ -70,6 +70,10 @@ AtomRecord SphereMotion::at(int i, const Shift &s) const {
   return moved(atom->x[i], quaternion[i], v, omega, 1);
 }
 
+Vec SphereMotion::place(int i, const Shift &s) const {
+  return Vec(atom->x[i]) + (s.now * Vec(atom->v[i]) + s.before * Vec(before_[i].v));
+}
+
 void SphereMotion::all_at(double time, std::vector<AtomRecord> &records) const {
   const double *x = flat(atom->x), *q = flat(quaternion), *v = flat(atom->v), *omega = flat(atom->omega);
   for (int i : local_.computed()) records[i] = moved(x + 3 * i, q + 4 * i, v + 3 * i, omega + 3 * i, time);

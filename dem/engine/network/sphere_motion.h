@@ -2,6 +2,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "base/vec.h"
 #include "kernels/bond_kernel.h"
 #include "kernels/bond_network.h"
 #include "network/local_bonds.h"
@@ -40,6 +41,7 @@ class SphereMotion : private Pointers {
   };
   AtomRecord at(int i) const;                 // at x
   AtomRecord at(int i, const Shift &) const;  // at x + s.now v + s.before u
+  Vec place(int i, const Shift &) const;      // the same, without the turn
   void all_at(double time, std::vector<AtomRecord> &) const;  // computed ones at x + time v
 
  private:
