@@ -28,7 +28,7 @@ def write_parquet(table: pd.DataFrame | Mapping[str, np.ndarray], file: Path) ->
     from pyarrow.parquet import write_table
 
     if isinstance(table, Mapping):
-        arrow = pa.Table.from_arrays([_arrow(values) for values in table.values()], names=list(table))
+        arrow = pa.Table.from_arrays([arrow_array(values) for values in table.values()], names=list(table))
     else:
         arrow = pa.Table.from_pandas(table, preserve_index=False)
     numbers = [column.name for column in arrow.schema if pa.types.is_floating(column.type)]
@@ -38,7 +38,7 @@ def write_parquet(table: pd.DataFrame | Mapping[str, np.ndarray], file: Path) ->
                     write_page_checksum=True)
 
 
-def _arrow(values: np.ndarray) -> Any:
+def arrow_array(values: np.ndarray) -> Any:
     """Numbers, of which NaN is no number, or text as an array of pyarrow; `pyarrow.array` imports pandas."""
     import pyarrow as pa
 

@@ -15,7 +15,8 @@ from multiprocessing.context import ForkProcess
 from pathlib import Path
 from typing import Any
 
-import pyarrow.parquet  # noqa: F401 - every run writes tables, and its copy would import this by itself
+import pyarrow.csv  # noqa: F401 - every run writes these, and its copy would import them by itself
+import pyarrow.parquet  # noqa: F401
 
 from common.files.output_directory import at_work_in
 from common.process.command import end_of, say
@@ -26,6 +27,7 @@ from common.scene.scene import Scene, changed_scene, ratio_name, scene_hash
 from common.tables import InputError
 from dem.commands import Changes, RunResult
 from dem.coupling.launch import check_engine
+from dem.deck.render import DECK, template
 from dem.run.directory import RunDirectory
 from dem.run.run import run_scene
 from dem.stones.arrangement import stones_of
@@ -77,6 +79,7 @@ def sweep(scene_file: str | Path, out: str | Path, jobs: int = 1, changes: Chang
               for k in range(count + 1)}
     for scene in scenes.values():
         stones_of(scene, str(scene_file))
+    template(DECK)  # compiled here, not in each copy
     with at_work_in(out, "sweep") as lock:
         run = partial(run_scene, source=str(scene_file), show_progress=True, overwrite=overwrite)
         failed = run_missing(str(scene_file), scenes, run, jobs, lock, overwrite)

@@ -25,6 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
+from common.files.rows import write_rows
 from dem.coupling.launch import engine_error, engine_running
 from dem.deck.render import template
 from dem.deck.time_step import bond_fraction
@@ -247,10 +248,10 @@ def _write(directory: Path, specimen: Specimen, mass_kg: np.ndarray, strength_fa
     box = "".join(f"{-1.5 * h} {1.5 * h} {c}lo {c}hi\n" for h, c in zip(packing.container.half_size_m, "xyz"))
     columns = np.column_stack([np.arange(1, n + 1), 1 + specimen.lower + 2 * specimen.upper, 2 * radius,
                                mass_kg / (4 / 3 * np.pi * radius**3), packing.center_m])
-    with open(directory / "atoms.data", "w") as out:
-        out.write(f"{specimen.kind}\n\n{n} atoms\n3 atom types\n\n{box}\nAtoms\n\n")
-        np.savetxt(out, columns, fmt=["%d"] * 2 + ["%.17g"] * 5)
+    with open(directory / "atoms.data", "wb") as out:
+        write_rows(out, columns, f"{specimen.kind}\n\n{n} atoms\n3 atom types\n\n{box}\nAtoms\n\n")
     columns = np.column_stack([bonds.first + 1, bonds.second + 1, np.ones(len(bonds)), bonds.vector_m, bonds.radius_m,
                                strength_factor])
-    np.savetxt(directory / "bonds.txt", columns, fmt=["%d"] * 3 + ["%.17g"] * 5)
+    with open(directory / "bonds.txt", "wb") as out:
+        write_rows(out, columns)
     (directory / "agglomerates.txt").write_text(f"{n}\n")

@@ -22,6 +22,7 @@ from scipy.optimize import brentq
 
 from common import hertz
 from common.files.parquet import Columns
+from common.files.rows import write_rows
 from common.scene.plate import Plate
 from common.scene.scene import ContactTable, MaterialTable
 from dem.stones.assembly import Assembly
@@ -92,18 +93,18 @@ def contact_rows(assembly: Assembly) -> np.ndarray:
 def write_surfaces(file: Path, assembly: Assembly) -> None:
     """Write the file that dem/engine/smooth/stone_surface.h describes."""
     start, radius_m = np.cumsum([0, *assembly.sizes]), max(stone.radius_m for stone in assembly.stones)
-    with open(file, "w") as out:
+    with open(file, "wb") as out:
         heights = (patch_height_m(surface, assembly.radius_m[start[k]:start[k + 1]], stone.radius_m)
                    for k, (surface, stone) in enumerate(zip(assembly.surfaces, assembly.stones, strict=True)))
-        out.write(f"{OUTSIDE * radius_m!r} {max(heights)!r}\n")
+        out.write(f"{OUTSIDE * radius_m!r} {max(heights)!r}\n".encode())
         if assembly.is_stream:  # each stone brings its own
-            out.write("stream\n")
+            out.write(b"stream\n")
             return
         for k, (surface, numbers) in enumerate(zip(assembly.surfaces, contact_rows(assembly), strict=True)):
             here = slice(start[k], start[k + 1])
-            out.write(" ".join([str(assembly.sizes[k]), *(f"{number:.17g}" for number in numbers)]) + "\n")
             rows = [surface.place_m, assembly.radius_m[here], assembly.mass_kg[here], surface.is_surface]
-            np.savetxt(out, np.column_stack(rows), fmt=["%.17g"] * 5 + ["%d"])
+            write_rows(out, np.column_stack(rows),
+                       " ".join([str(assembly.sizes[k]), *(f"{number:.17g}" for number in numbers)]) + "\n")
 
 
 def patch_height_m(surface: StoneSurface, radius_m: np.ndarray, stone_radius_m: float) -> float:
@@ -154,13 +155,13 @@ def write_faces(file: Path, assembly: Assembly) -> None:
     start = np.cumsum([0, *assembly.sizes])
     outside = max(float((c.height_m - assembly.radius_m[start[k] + c.sub_sphere]).max(initial=0.0))
                   for k, c in enumerate(assembly.faces) if c is not None)
-    with open(file, "w") as out:
-        out.write(f"{outside!r}\n")
+    with open(file, "wb") as out:
+        out.write(f"{outside!r}\n".encode())
         if assembly.is_stream:  # each stone brings its own
-            out.write("stream\n")
+            out.write(b"stream\n")
             return
         for k in range(len(assembly.faces)):
-            np.savetxt(out, face_rows(assembly, k, start[k]), fmt=["%d"] + ["%.17g"] * (NUMBERS - 1))
+            write_rows(out, face_rows(assembly, k, start[k]))
 
 
 def elastic_damping_ratio(restitution: float) -> float:

@@ -6,14 +6,13 @@ import hashlib
 import math
 from collections.abc import Callable
 from functools import cache
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import jinja2
 import numpy as np
-from isal import isal_zlib
 
+from common.files.rows import write_rows
 from common.files.whole import named
 from common.resources import resource
 from common.scene.plate import FlexiblePlate
@@ -91,6 +90,7 @@ def bond_rows(assembly: Assembly) -> np.ndarray:
 
 
 TEMPLATES = resource("templates")
+DECK = "deck.liggghts.j2"
 SHAPE_GRID = 0.6  # of the largest mesh cell: about 12 points in the shortest wave, cubic between them
 UNBREAKABLE_Pa = 1e30
 CHECKPOINT_SAMPLES = 5  # between two steps that allow a checkpoint; each costs a build of lists (docs/runs.md)
@@ -110,7 +110,7 @@ def write_deck(directory: Path, scene: Scene, assembly: Assembly, step: TimeStep
     else:
         writers["atoms.data"] = lambda file: _write_atoms(file, scene, assembly)
         if assembly.n_bonds:
-            writers["bonds.txt"] = lambda file: np.savetxt(file, bond_rows(assembly), fmt=["%d"] * 3 + ["%.17g"] * 5)
+            writers["bonds.txt"] = lambda file: _write_bonds(file, assembly)
     if assembly.surfaces:
         writers["surface.txt"] = lambda file: write_surfaces(file, assembly)
     if assembly.faces:
@@ -145,7 +145,7 @@ def render(scene: Scene, assembly: Assembly, step: TimeStep) -> str:
     half = [side / 2 for side in scene.plate.size_m]
     free_flight = _free_flight(scene, assembly, step)
     skin = skin_m(assembly, knows_bodies=free_flight is not None)
-    return template("deck.liggghts.j2").render(
+    return template(DECK).render(
         name=scene.name,
         stones=_describe(scene, assembly),
         yield_pressure_Pa=yield_pressure_Pa(scene.plate, assembly),
@@ -288,34 +288,34 @@ def _box_m(assembly: Assembly) -> list[tuple[str, str]]:
 
 def _write_atoms(file: Path, scene: Scene, assembly: Assembly) -> None:
     number = np.arange(1, assembly.n_particles + 1)
-    with open(file, "w") as out:
-        out.write(f"{scene.name}\n\n{assembly.n_particles} atoms\n{len(assembly.substances) + 1} atom types\n\n")
-        out.writelines(f"{a} {b} {axis}lo {axis}hi\n" for axis, (a, b) in zip("xyz", _box_m(assembly)))
-        out.write("\nAtoms\n\n")
-        np.savetxt(out, np.column_stack([number, atom_rows(assembly)]), fmt=["%d"] * 2 + ["%.17g"] * 5)
+    box = "".join(f"{a} {b} {axis}lo {axis}hi\n" for axis, (a, b) in zip("xyz", _box_m(assembly)))
+    head = (f"{scene.name}\n\n{assembly.n_particles} atoms\n{len(assembly.substances) + 1} atom types\n\n{box}\n"
+            "Atoms\n\n")
+    with open(file, "wb") as out:
+        write_rows(out, np.column_stack([number, atom_rows(assembly)]), head)
         if _common_velocity(assembly) is None:  # velocity and spin of every sub-sphere when its stone enters
-            out.write("\nVelocities\n\n")
-            np.savetxt(out, np.column_stack([number, *assembly.start_motion()]), fmt=["%d"] + ["%.17g"] * 6)
+            write_rows(out, np.column_stack([number, *assembly.start_motion()]), "\nVelocities\n\n")
+
+
+def _write_bonds(file: Path, assembly: Assembly) -> None:
+    with open(file, "wb") as out:
+        write_rows(out, bond_rows(assembly))
 
 
 def _write_shapes(file: Path, modes: PlateModes, with_lateral: bool) -> None:
-    """Write the file that dem/engine/coupling/plate_shapes.h describes. The first bytes of all numbers of a shape, then
-    the second ones, and so on, pack to half the room, without loss."""
+    """Write the file that dem/engine/coupling/plate_shapes.h describes."""
     cell = max(np.diff(modes.lines_x_m).max(), np.diff(modes.lines_y_m).max())
     x, y = modes.grid(SHAPE_GRID * cell)
     directions = 3 if with_lateral and len(modes.lateral) else 1
-    packer = isal_zlib.compressobj(3)
     with open(file, "wb") as out:
-        out.write(b"shapes 2")
+        out.write(b"shapes 3")
         np.array([len(x), len(y), directions, len(modes.frequency_Hz)], dtype="<i8").tofile(out)
         np.array([x[0], y[0], x[1] - x[0], y[1] - y[0]], dtype="<f8").tofile(out)
-        upwards = (shape.reshape(len(x), len(y), -1) for shape in modes.shapes_at(nodes(x, y)))
-        lateral = (some.lateral_grid(x, y, axis) for axis in range(directions - 1) for some in modes.parts())
-        for shape in chain(upwards, lateral):
-            for mode in range(shape.shape[2]):
-                numbers = shape[:, :, mode].astype("<f8").reshape(-1, 1)
-                out.write(packer.compress(numbers.view("u1").T.tobytes()))
-        out.write(packer.flush())
+        for upwards in modes.shapes_at(nodes(x, y)):
+            np.ascontiguousarray(upwards.T, "<f8").tofile(out)
+        for axis in range(directions - 1):
+            for some in modes.parts():
+                np.ascontiguousarray(some.lateral_grid(x, y, axis).transpose(2, 0, 1), "<f4").tofile(out)
 
 
 def deck_walls(scene: Scene) -> list[dict[str, Any]]:

@@ -238,7 +238,9 @@ class PlateMeshes:
         w = modes.shape @ amplitude
         total = np.column_stack([bending, np.zeros(len(bending))])
         for contact in contacts:
-            total += contact_surface_stress(contact, modes.node_m, self._plate.poisson_ratio)
+            reach_m = RANGE_OF_CONTACT * contact.contact_radius_m
+            near = np.hypot(*(modes.node_m - (contact.x_m, contact.y_m)).T) < reach_m
+            total[near] += contact_surface_stress(contact, modes.node_m[near], self._plate.poisson_ratio)
         return Mesh(np.column_stack([modes.node_m, np.zeros(len(w))]), modes.quad,
                     {"displacement_m": _upwards(w), "von_mises_Pa": von_mises(bending),
                      "von_mises_with_contacts_Pa": von_mises_3d(total)})

@@ -1,7 +1,5 @@
 #include "coupling/plate_shapes.h"
 
-#include <zlib.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -13,50 +11,9 @@
 namespace LAMMPS_NS {
 
 namespace {
-const char FORMAT[] = "shapes 2";  // another one where the same numbers mean something else
-const double MOST_PACKED = 1100;  // bytes in one of zlib, of which it says 1032
+const char FORMAT[] = "shapes 3";  // another one where the same numbers mean something else
 const int AT_ONCE = 8;  // shapes, whose numbers at a point fill a line of the processor's cache
-
-// The rest of a file that zlib packed, piece by piece.
-class Unpacker {
- public:
-  explicit Unpacker(FILE *in) : in_(in) { inflateInit(&stream_); }
-  ~Unpacker() { inflateEnd(&stream_); }
-  Unpacker(const Unpacker &) = delete;
-
-  bool read(std::vector<unsigned char> &piece) {  // false where there is less, or none of zlib
-    stream_.next_out = piece.data(), stream_.avail_out = piece.size();
-    while (stream_.avail_out && step()) {
-    }
-    return !stream_.avail_out;
-  }
-
-  bool at_end() {  // with the sum over all bytes as it should be
-    unsigned char more;
-    stream_.next_out = &more, stream_.avail_out = 1;
-    while (stream_.avail_out && step()) {
-    }
-    return ended_ && stream_.avail_out;
-  }
-
- private:
-  FILE *in_;
-  z_stream stream_ = {};
-  bool ended_ = false;
-  unsigned char packed_[1 << 16];
-
-  // Past the end of the file zlib may still have some that it has taken in.
-  bool step() {
-    if (!stream_.avail_in) {
-      stream_.next_in = packed_;
-      stream_.avail_in = std::fread(packed_, 1, sizeof packed_, in_);
-    }
-    const int found = inflate(&stream_, Z_NO_FLUSH);
-    ended_ = found == Z_STREAM_END;
-    return found == Z_OK;
-  }
-};
-}
+}  // namespace
 
 PlateShapes::PlateShapes(LAMMPS *lmp, const std::string &file) {
   FILE *in = std::fopen(file.c_str(), "rb");
@@ -82,24 +39,23 @@ bool PlateShapes::read(FILE *in) {
   if (nx_ < 4 || ny_ < 4 || modes_ < 1 || (directions_ != 1 && directions_ != 3)) return false;
   const long start = std::ftell(in);
   std::fseek(in, 0, SEEK_END);
-  if (8. * nx_ * ny_ * directions_ * modes_ > MOST_PACKED * (std::ftell(in) - start)) return false;
+  if (std::ftell(in) - start != 1. * nx_ * ny_ * modes_ * (8 + 4 * (directions_ - 1))) return false;
   std::fseek(in, start, SEEK_SET);
-  const long long points = nx_ * ny_;
-  shape_.resize(points * numbers());
-  std::vector<unsigned char> bytes;
-  Unpacker unpacker(in);
-  unsigned char number[8];
-  for (int first = 0; first < numbers(); first += AT_ONCE) {
-    const int some = std::min(AT_ONCE, numbers() - first);
-    bytes.resize(8 * points * some);
-    if (!unpacker.read(bytes)) return false;
-    for (long long point = 0; point < points; point++)
-      for (int k = 0; k < some; k++) {
-        for (int b = 0; b < 8; b++) number[b] = bytes[(8 * k + b) * points + point];
-        std::memcpy(&shape_[point * numbers() + first + k], number, 8);
-      }
+  shape_.resize(nx_ * ny_ * numbers());
+  return take<double>(in, 0, modes()) && take<float>(in, modes(), numbers());
+}
+
+template <class Number> bool PlateShapes::take(FILE *in, int first, int end) {
+  const size_t points = nx_ * ny_;
+  std::vector<Number> taken;
+  for (int k = first; k < end; k += AT_ONCE) {
+    const int some = std::min(AT_ONCE, end - k);
+    taken.resize(points * some);
+    if (std::fread(taken.data(), sizeof(Number), taken.size(), in) != taken.size()) return false;
+    for (size_t point = 0; point < points; point++)
+      for (int m = 0; m < some; m++) shape_[point * numbers() + k + m] = taken[m * points + point];
   }
-  return unpacker.at_end();
+  return true;
 }
 
 namespace {

@@ -11,10 +11,10 @@ class LAMMPS;
 // Mode shapes of the plate on a regular grid, kg^-1/2. Between the nodes: the cubic through four nodes in each
 // direction (error of fourth order in the spacing).
 //
-// File, little endian: the word of its format, "shapes 2"; int64 nx, ny, directions, modes; double x0, y0, dx, dy (of the grid, which reaches beyond the
-// plate so that four nodes surround every point of it); then, packed by zlib, the shapes [directions][modes], of each
-// the first bytes of all doubles [nx][ny], then the second ones, and so on. The first direction is upwards. A plate that
-// friction can move in its plane has two more, x and y, of its top surface.
+// File, little endian: the word of its format, "shapes 3"; int64 nx, ny, directions, modes; double x0, y0, dx, dy (of the
+// grid, which reaches beyond the plate so that four nodes surround every point of it); double [modes][nx][ny], upwards.
+// A plate that friction can move in its plane has two more directions, x and y, of its top surface: float
+// [2][modes][nx][ny].
 class PlateShapes {
  public:
   PlateShapes(LAMMPS *lmp, const std::string &file);
@@ -31,6 +31,7 @@ class PlateShapes {
 
   static bool is_of_this_format(std::FILE *in);
   bool read(std::FILE *in);
+  template <class Number> bool take(std::FILE *in, int first, int end);  // of the numbers at a point
 };
 
 }  // namespace LAMMPS_NS
