@@ -25,6 +25,7 @@ STYLE: Any = {
     "axes.spines.right": False,
     "axes.titlesize": 9,
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # else the texts of the axis below are laid out once more to find it
     "lines.linewidth": 1.1,
     "legend.frameon": False,
     "legend.fontsize": 9,

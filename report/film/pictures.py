@@ -7,7 +7,7 @@ times as long as what reads the arrays here.
 import xml.etree.ElementTree as ElementTree
 import zlib
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +61,11 @@ class Film:
     stress_Pa: np.ndarray
     node_m: np.ndarray
     quad: np.ndarray
+
+    def at(self, instants: list[int]) -> "Film":
+        """Of these instants alone."""
+        return replace(self, **{name: getattr(self, name)[instants]
+                                for name in ("t_s", "centre_m", "deflection_m", "stress_Pa")})
 
 
 def instants(run: Path) -> list[Instant]:

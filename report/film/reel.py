@@ -17,6 +17,7 @@ from report.film.still import largest_force_s
 from report.missing import MissingResult
 
 QUANTUM_M = (2e-5, 5e-5)  # of positions, at most a fiftieth of a sub-sphere; finer where stones stay near
+FEW = 40  # pictures
 CURVE_POINTS = 900  # about the pixels of a curve's width
 
 #: Of all films of a page, some half of it; what did not fit is named in the page.
@@ -53,7 +54,10 @@ def pack_films(run: Run, network: Network, share: float, wanted: tuple[Series, .
 
 
 def _packed(run: Run, network: Network, room: float, wanted: tuple[Series, ...]) -> str:
-    """A few pictures are packed first, as that costs least; then twice as many, which take less than twice the room."""
+    """Of many pictures a few are packed first, as that costs least; then twice as many, which take less than twice the
+    room."""
+    if len(instants(run.path)) <= FEW and len(all_of_them := pack_run(run, network, wanted)) <= room:
+        return all_of_them
     packed, taken = "", 8
     for fewer in (8, 4, 2, 1):
         if packed and fewer > 1 and 2 * len(packed) * taken / fewer <= room:
@@ -81,17 +85,20 @@ def pack_run(run: Run, network: Network, wanted: tuple[Series, ...]) -> str:
         wanted = tuple(s for s in wanted if s.until_s <= found[-1].t_s or s is wanted[-1])
     if IMPACT.until_s < peak_s < EARLY.until_s:  # of stones that come one after the other
         wanted = tuple(replace(s, until_s=peak_s + IMPACT.until_s) if s.key == IMPACT.key else s for s in wanted)
-    films = {s: read_film(chosen, network) for s in wanted if len(chosen := choose(found, s)) > 1}
-    if not films:
+    chosen = {s: some for s in wanted if len(some := choose(found, s)) > 1}
+    if not chosen:
         raise MissingResult("the run has fewer than two pictures")
-    reach_m = max(float(np.nanmax(np.abs(film.centre_m))) for film in films.values())
+    shown = [instant for instant in found if any(instant in some for some in chosen.values())]  # each is read once
+    film = read_film(shown, network)
+    reach_m = float(np.nanmax(np.abs(film.centre_m)))
     quantum_m = float(np.clip(reach_m / LARGEST, *QUANTUM_M))
     content: dict[str, Any] = {
         "quantum": quantum_m,
         "ratio": run.gangue_ratio,
         "bodies": _bodies(run, network),
-        "plate": _plate(run, next(iter(films.values()))),
-        "series": [_series(run, s, film, quantum_m) for s, film in films.items()],
+        "plate": _plate(run, film),
+        "series": [_series(run, s, film.at([shown.index(one) for one in some]), quantum_m)
+                   for s, some in chosen.items()],
     }
     return json.dumps(content, separators=(",", ":"))
 
