@@ -116,7 +116,7 @@ def _blocks(data: bytes, compress: Callable[[bytes, int], bytes]) -> bytes:
 
 def rounded(values: np.ndarray, bits: int) -> np.ndarray:
     """To whole multiples of 2^-bits, in single precision: digits beyond would not compress."""
-    return (np.rint(np.asarray(values, dtype=float) * 2.0**bits) * 2.0**-bits).astype("f4")
+    return (np.rint(values * 2.0**bits) * 2.0**-bits).astype("f4", copy=False)
 
 
 def write_pvd(file: Path, entries: list[tuple[float, int, str]]) -> None:
