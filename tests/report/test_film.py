@@ -4,6 +4,7 @@ import base64
 import gzip
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
@@ -163,26 +164,43 @@ def test_the_envelope_keeps_every_extreme():
     assert {(t, v) for t, v in zip(thin_s, thin, strict=True)} <= set(zip(t_s, values, strict=True))
 
 
+@pytest.fixture
+def run_of_many_pictures(monkeypatch):
+    monkeypatch.setattr(reel, "instants", lambda path: [None] * 100)
+    return SimpleNamespace(path=None)
+
+
 @pytest.mark.parametrize("room", [0, 112, 113, 250, 358, 700, 10**6])
-def test_a_run_shows_as_many_pictures_as_its_room_has_place_for(monkeypatch, room):
+def test_a_run_shows_as_many_pictures_as_its_room_has_place_for(monkeypatch, run_of_many_pictures, room):
     texts = {most: "x" * int(20 + 10 * most**0.9) for most in (100, 50, 25, 12)}
     monkeypatch.setattr(reel, "pack_run", lambda run, network, wanted: texts[wanted[0].most])
     monkeypatch.setattr(reel, "BUDGET_BYTES", 2 * room)
     fitting = [text for text in texts.values() if len(text) <= room]
     if fitting:
-        assert reel.pack_films(None, None, 0.5, (WHOLE,)) == fitting[0]
+        assert reel.pack_films(run_of_many_pictures, None, 0.5, (WHOLE,)) == fitting[0]
     else:
         with pytest.raises(MissingResult):
-            reel.pack_films(None, None, 0.5, (WHOLE,))
+            reel.pack_films(run_of_many_pictures, None, 0.5, (WHOLE,))
 
 
-def test_where_few_pictures_of_all_are_too_many_the_impact_is_shown_alone(monkeypatch):
+def test_where_few_pictures_of_all_are_too_many_the_impact_is_shown_alone(monkeypatch, run_of_many_pictures):
     monkeypatch.setattr(reel, "pack_run", lambda run, network, wanted: "x" * sum(series.most for series in wanted))
     monkeypatch.setattr(reel, "BUDGET_BYTES", 30)
-    assert len(reel.pack_films(None, None, 1.0, (IMPACT, EARLY, WHOLE))) == IMPACT.most // 2
-    assert len(reel.pack_films(None, None, 1.0, (EARLY, WHOLE))) == WHOLE.most // 8 + EARLY.most // 8
+    assert len(reel.pack_films(run_of_many_pictures, None, 1.0, (IMPACT, EARLY, WHOLE))) == IMPACT.most // 2
+    assert len(reel.pack_films(run_of_many_pictures, None, 1.0, (EARLY, WHOLE))) == WHOLE.most // 8 + EARLY.most // 8
     packed = []
     monkeypatch.setattr(reel, "pack_run", lambda run, network, wanted: packed.append(wanted) or "x" * 31)
     with pytest.raises(MissingResult):
-        reel.pack_films(None, None, 1.0, (WHOLE,))
+        reel.pack_films(run_of_many_pictures, None, 1.0, (WHOLE,))
     assert len(packed) == 1  # a run that has one series is not packed again
+
+
+@pytest.mark.parametrize("room, packed", [(31, [100]), (30, [100, 12, 25, 50, 100])])
+def test_few_pictures_are_packed_at_once_where_there_is_room(monkeypatch, room, packed):
+    tried = []
+    monkeypatch.setattr(reel, "instants", lambda path: [None] * 20)
+    monkeypatch.setattr(reel, "pack_run", lambda run, network, wanted: tried.append(wanted[0].most) or "x" * (
+        31 if wanted[0].most == 100 else 16))
+    monkeypatch.setattr(reel, "BUDGET_BYTES", room)
+    assert len(reel.pack_films(SimpleNamespace(path=None), None, 1.0, (WHOLE,))) == (31 if room == 31 else 16)
+    assert tried == packed
