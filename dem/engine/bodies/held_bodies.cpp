@@ -25,17 +25,15 @@ void HeldBodies::count_still(const std::vector<ArrayBody> &bodies) {
     still_[b.label] = b.inner_energy <= tolerance_ * energy_of_impact(b) ? still_[b.label] + 1 : 0;
 }
 
-bool HeldBodies::choose(std::vector<ArrayBody> &bodies, const std::function<bool(ArrayBody &, double)> &is_gentle) {
-  bool changed = false;
+void HeldBodies::choose(std::vector<ArrayBody> &bodies, const std::function<bool(ArrayBody &, double)> &is_gentle) {
   for (ArrayBody &b : bodies) {
     if (b.departs || b.atoms.size() == 1 || still_[b.label] < STILL_LOOKS) continue;
     const ArrayBody own = alone(b);
     const Limits most = limits(own);
     const bool gentle = is_gentle(b, most.least_N);
-    if (!gentle && held_[b.label]) let_go(b.label), changed = true;
-    if (gentle && !held_[b.label]) changed = take(own, most) || changed;
+    if (!gentle) let_go(b.label);
+    else if (!held_[b.label]) take(own, most);
   }
-  return changed;
 }
 
 // Without what is trapped in it.
@@ -63,18 +61,18 @@ HeldBodies::Limits HeldBodies::limits(const ArrayBody &b) const {
   return most;
 }
 
-bool HeldBodies::take(const ArrayBody &b, const Limits &most) {
+void HeldBodies::take(const ArrayBody &b, const Limits &most) {
   Atom *atom = lmp_->atom;
   Vec push;
   for (int i : b.atoms) push += Vec(atom->f[i]) - atom->rmass[i] * gravity_;
-  if (norm(push) > TAKEN_SHARE * most.least_N) return false;
+  if (norm(push) > TAKEN_SHARE * most.least_N) return;
   bodies_.push_back(std::make_unique<HeldBody>(atom, b, most.parts_N, most.all_N));
   set_held(*bodies_.back(), true);
   bonds_->take_energy(b.label, b.inner_energy);
-  return true;
 }
 
 void HeldBodies::set_held(const HeldBody &b, bool held) {
+  changed_ = true;
   held_[b.label()] = held;
   for (const HeldBody::Part &p : b.parts()) {
     bonds_->hold(p.tag, held);
@@ -101,6 +99,7 @@ void HeldBodies::let_go(int label) {
 }
 
 void HeldBodies::find() {
+  changed_ = false;
   for (auto &b : bodies_) b->find(lmp_->atom);
 }
 
@@ -108,13 +107,11 @@ void HeldBodies::move() {
   for (auto &b : bodies_) b->move(lmp_->atom, lmp_->update->dt);
 }
 
-bool HeldBodies::push() {
-  const size_t before = bodies_.size();
+void HeldBodies::push() {
   for (size_t k = bodies_.size(); k-- > 0;) {
     bodies_[k]->push(lmp_->atom, lmp_->update->dt, gravity_);
     if (bodies_[k]->is_overloaded()) erase(k);
   }
-  return bodies_.size() < before;
 }
 
 void HeldBodies::save(CheckpointWriter &out) const {

@@ -28,16 +28,15 @@ class HeldBodies {
 
   // At a look: counts looks at which each body was still, and takes those that stay in the arrays although they were
   // still for long enough, where `is_gentle` says that no encounter ahead pushes with more than the limit (N); of others
-  // it lets go. True if any changed.
+  // it lets go.
   void count_still(const std::vector<ArrayBody> &);
-  bool choose(std::vector<ArrayBody> &, const std::function<bool(ArrayBody &, double)> &is_gentle);
+  void choose(std::vector<ArrayBody> &, const std::function<bool(ArrayBody &, double)> &is_gentle);
   void let_go(int label);           // if it is held
-  bool holds(int label) const { return held_[label]; }
 
-  void find();                      // after a change of the arrays
+  bool has_changed() const { return changed_; }  // some were taken or let go since `find`
+  void find();                      // after a change of the arrays or of bodies
   void move();                      // the first half of a step
-  // The second half. True if a body was let go, which is where the deck's own steps can begin.
-  bool push();
+  void push();                      // the second half, which may let go of some
 
   void save(CheckpointWriter &) const;
   void restore(const CheckpointReader &);
@@ -49,6 +48,7 @@ class HeldBodies {
   const double speed_, tolerance_;
   const int unheld_;
   std::vector<std::unique_ptr<HeldBody>> bodies_;
+  bool changed_ = false;
   std::vector<char> held_;   // by label
   std::vector<int> still_;   // looks in a row, by label
 
@@ -59,7 +59,7 @@ class HeldBodies {
     double all_N, least_N;
   };
   Limits limits(const ArrayBody &) const;
-  bool take(const ArrayBody &, const Limits &);
+  void take(const ArrayBody &, const Limits &);
   void set_held(const HeldBody &, bool);
   void erase(size_t k);
 };

@@ -16,7 +16,6 @@ class BondedBodies : public FixPart, public BodyMaker {
   void add_elastic_energy_by_body(double *energy) override;
   const std::vector<Support> &supports_of_tags() override;
   void hold(int tag, bool held) override { rank_.local.hold(tag, held); }
-  bool is_held(int tag) const override { return rank_.local.is_held(tag); }
   void take_energy(int tag, double energy) override { energies_.take_energy(tag, energy); }
   void let_leave(int i) override { forces_.on(i) = ForceRecord(), rank_.local.let_leave(i); }
   void rotate(int i, const Rotation &turned) override { rank_.motion.rotate(i, turned); }

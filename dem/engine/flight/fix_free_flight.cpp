@@ -97,8 +97,8 @@ void FixFreeFlight::end_of_step() {
 }
 
 void FixFreeFlight::final_integrate() {
-  const bool let_go = held_->push();
-  if (looks_->watch_plate() || let_go) next_reneighbor = update->ntimestep + 1;
+  held_->push();
+  if (looks_->watch_plate()) next_reneighbor = update->ntimestep + 1;
 }
 
 // Bodies in flight, which may be all of a type, are not in the arrays when a resumed run is set up. LIGGGHTS asks for

@@ -55,6 +55,7 @@ class FixFreeFlight : public Fix, public Checkpointed, public EnergyHolder, publ
   void set_arrays(int i) override { atom->mask[i] |= unheld_; }
 
   void jump() override;
+  bool holds_others() const override { return held_->has_changed(); }
   void change_arrays() override;
   void show() override;
   void hide() override;

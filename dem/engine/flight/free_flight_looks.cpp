@@ -86,10 +86,8 @@ bool FreeFlightLooks::look() {
   watch_bodies_in_flight(look);
   held_.count_still(look.in_arrays);
   let_calm_bodies_depart(look);
-  bool changes = held_.choose(look.in_arrays,
-                              [&](ArrayBody &b, double limit_N) { return is_gentle(look, b, limit_N); });
-  for (auto &b : bodies_) changes |= b->is_leaving || b->is_waking;
-  return changes;
+  held_.choose(look.in_arrays, [&](ArrayBody &b, double limit_N) { return is_gentle(look, b, limit_N); });
+  return std::any_of(bodies_.begin(), bodies_.end(), [](auto &b) { return b->is_leaving || b->is_waking; });
 }
 
 void FreeFlightLooks::find_surface(ArrayBody &b) const {

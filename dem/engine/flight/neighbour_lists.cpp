@@ -107,7 +107,6 @@ void NeighbourLists::note_groups() {
   group_of_label_.assign(label_of.size(), -1);
   groups_.clear();
   for (int i = 0; i < atom->nlocal; i++) {
-    if (bodies_->is_held(atom->tag[i])) continue;  // it keeps its form
     int &group = group_of_label_[label_of[atom->tag[i]]];
     if (group < 0) group = groups_.size(), groups_.emplace_back();
     groups_[group].members.push_back(i);

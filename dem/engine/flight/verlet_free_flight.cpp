@@ -43,8 +43,12 @@ void VerletFreeFlight::step() {
   modify->initial_integrate(vflag);
   if (modify->n_post_integrate) modify->post_integrate();
 
-  if (lists_.must_build()) rebuild();
-  else comm->forward_comm();
+  if (lists_.must_build()) {
+    rebuild();
+  } else {
+    comm->forward_comm();
+    if (flight_ && flight_->holds_others()) modify->pre_neighbor();  // the lists of neighbours stay as they are
+  }
 
   force_clear();
   if (modify->n_pre_force) modify->pre_force(vflag);

@@ -25,8 +25,7 @@ class BodyMaker {
     int bonds = 0;
   };
   virtual const std::vector<Support> &supports_of_tags() = 0;
-  virtual void hold(int tag, bool held) = 0;            // held: its bonds are not computed from the next build on
-  virtual bool is_held(int tag) const = 0;
+  virtual void hold(int tag, bool held) = 0;            // held: its bonds are not computed once they are listed anew
   virtual void take_energy(int tag, double energy) = 0; // counts inner motion as damped by the bonds, J
   // Sub-sphere i leaves at the next build: it is neither turned nor worked on until then.
   virtual void let_leave(int i) = 0;
@@ -92,6 +91,7 @@ class FlightControl {
  public:
   virtual ~FlightControl() {}
   virtual void jump() = 0;           // advances time to just before the next step at which something happens
+  virtual bool holds_others() const = 0;  // than at the last build, bodies as rigid
   virtual void change_arrays() = 0;  // between pre_exchange and the build of neighbour lists
   virtual void show() = 0;           // appends bodies in free flight to the arrays if a dump or a restart is due
   virtual void hide() = 0;           // and takes them out again

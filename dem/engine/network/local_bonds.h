@@ -17,7 +17,6 @@ class LocalBonds : private Pointers {
 
   void let_bodies_leave() { bodies_may_leave_ = true; }  // a body that is not in the arrays is no error
   void hold(int tag, bool held) { held_[tag] = held, listed_ = false; }
-  bool is_held(int tag) const { return held_[tag]; }
   void let_leave(int i) { is_turned_[i] = 0, turned_.clear(); }  // sub-sphere i leaves at the next build
 
   void list_anew() { listed_ = false; }
