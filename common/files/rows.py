@@ -13,6 +13,5 @@ def write_rows(out: BinaryIO, rows: np.ndarray, head: str = "") -> None:
     from pyarrow.csv import WriteOptions, write_csv
 
     out.write(head.encode())
-    columns = {str(k): arrow_array(column) for k, column in enumerate(rows.T)}
-    table = pa.Table.from_arrays(list(columns.values()), names=list(columns))
+    table = pa.table({str(k): arrow_array(column) for k, column in enumerate(rows.T)})
     write_csv(table, out, WriteOptions(include_header=False, delimiter=" "))

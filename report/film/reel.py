@@ -88,8 +88,9 @@ def pack_run(run: Run, network: Network, wanted: tuple[Series, ...]) -> str:
     chosen = {s: some for s in wanted if len(some := choose(found, s)) > 1}
     if not chosen:
         raise MissingResult("the run has fewer than two pictures")
-    shown = [instant for instant in found if any(instant in some for some in chosen.values())]  # each is read once
-    film = read_film(shown, network)
+    times_s = {instant.t_s for some in chosen.values() for instant in some}
+    shown = [instant for instant in found if instant.t_s in times_s]  # each is read once
+    number, film = {instant.t_s: k for k, instant in enumerate(shown)}, read_film(shown, network)
     reach_m = float(np.nanmax(np.abs(film.centre_m)))
     quantum_m = float(np.clip(reach_m / LARGEST, *QUANTUM_M))
     content: dict[str, Any] = {
@@ -97,7 +98,7 @@ def pack_run(run: Run, network: Network, wanted: tuple[Series, ...]) -> str:
         "ratio": run.gangue_ratio,
         "bodies": _bodies(run, network),
         "plate": _plate(run, film),
-        "series": [_series(run, s, film.at([shown.index(one) for one in some]), quantum_m)
+        "series": [_series(run, s, film.at([number[one.t_s] for one in some]), quantum_m)
                    for s, some in chosen.items()],
     }
     return json.dumps(content, separators=(",", ":"))
